@@ -112,8 +112,8 @@ def windows(
         k, f = np.divmod(here, len(i))
         some = balls_in_cells(middles[k, f], first.radii[f], planes, cells, g)
         k, f, g = k[some], f[some], g[some]
-        o, kept = Overlaps.of(Pairs(z[k[:, None], i[f]], rate[k[:, None], i[f]], planes.some(g),
-                                    cells.some(g)))
+        o, kept = Overlaps.from_pairs(
+            Pairs(z[k[:, None], i[f]], rate[k[:, None], i[f]], planes.some(g), cells.some(g)))
         nodes = np.concatenate([i[f[kept]], j[g[kept]]], axis=1)
         yield Window(begin, stop, k[kept], nodes, o, Pieces.cut(o, face.normal, face.friction))
         pairs_per_time = max(len(i), len(here) / count)

@@ -59,7 +59,7 @@ class Bristles:
     count: int
 
     @classmethod
-    def of(cls, law: FrictionLaw | None, X: FloatArray) -> Self | None:
+    def on_nodes(cls, law: FrictionLaw | None, X: FloatArray) -> Self | None:
         """Bristles on nodes X (n1, d), m; None where the law has none."""
         if law is None or law.bristles is None:
             return None
@@ -106,8 +106,8 @@ class Bristles:
         deforms: bool,
     ) -> tuple[FloatArray, FloatArray]:
         """Derivatives (P, d^2, D) of V in the rows of the corners' patches, by positions and by
-        velocities of the facets' corners; deforms: as in `Tangent.of`, the traction may jump at
-        every border of a cell; now: N and V of the bristles.
+        velocities of the facets' corners; deforms: as in `Tangent.from_overlaps`, the traction may
+        jump at every border of a cell; now: N and V of the bristles.
 
         V = M / N with M = int phi p w dA = N n - F, F the nodal forces of the traction p (n - w):
         dV = (dM - V dN) / N; n: normal of the second facet, which moves if it deforms (vb).
@@ -116,8 +116,9 @@ class Bristles:
         o = replace(o, at=o.at[:, :, : o.eta_columns.stop])  # without bristles
         force, N, _ = _integrals(o, pieces, face)
         sliding = _sliding(face)
-        tangent = Tangent.of(o, pieces, sliding, nodal(o, pieces, sliding, T=None), T=None,
-                             deforms=deforms, warms=False)
+        tangent = Tangent.from_overlaps(
+            o, pieces, sliding, nodal(o, pieces, sliding, T=None), T=None, deforms=deforms,
+            warms=False)
         n = o.pairs.planes.n
         n_by = None if o.pairs.vb is None else tilts(o)[0]
         scale = _inverse(now.N)[at][:, :, None, None]

@@ -70,7 +70,7 @@ class ContactPart(Contact):
     def contribute(self, equations: Equations) -> None:
         """Adds the contact term to the equations."""
         first, second = (
-            ContactSide.of(
+            ContactSide.from_surface(
                 s, equations.layout, moves=True, deforms=self.deforms, conducts=self.heats)
             for s in (self.first, self.second))
         self._write(equations, (first, second), self.face, self.deforms, self.bristles)
@@ -81,8 +81,9 @@ class ContactPart(Contact):
         if self.face.conductance == 0:
             return
         first, second = (
-            ContactSide.of(s, equations.layout, moves=False, deforms=False, conducts=True,
-                    motion=motion.get(s.body.name)) for s in (self.first, self.second))
+            ContactSide.from_surface(
+                s, equations.layout, moves=False, deforms=False, conducts=True,
+                motion=motion.get(s.body.name)) for s in (self.first, self.second))
         self._write(
             equations, (first, second), replace(self.face, friction=None), deforms=False)
 
@@ -93,7 +94,8 @@ class ContactPart(Contact):
         """Adds the term to the blocks of unknowns on which it depends and acts; nothing if it acts
         on no unknown."""
         deflections = equations.numbers(f"{self.name}.{BRISTLES.name}" if bristles else "")
-        term = ContactTerm.of(sides, face, self.near, deforms, self.reach, bristles, deflections)
+        term = ContactTerm.between(
+            sides, face, self.near, deforms, self.reach, bristles, deflections)
         if len(term.rows):
             blocks = equations.layout.containing(np.concatenate([term.rows, term.columns]))
             equations.local(blocks, term, together=deforms)

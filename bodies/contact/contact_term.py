@@ -68,7 +68,7 @@ class ContactTerm(Term):
     source: str = ""
 
     @classmethod
-    def of(
+    def between(
         cls, sides: tuple[ContactSide, ContactSide], face: Interface, near: BroadPhase,
         deforms: bool, reach: float, bristles: Bristles | None, deflections: IntArray,
     ) -> Self:
@@ -102,7 +102,7 @@ class ContactTerm(Term):
         """Kinematics of both surfaces; None if the state is not finite."""
         if not (np.isfinite(x).all() and np.isfinite(v).all()):
             return None
-        local = self.reads[: Sizes.of(*self.sides).whole]
+        local = self.reads[: Sizes.from_sides(*self.sides).whole]
         here = Kinematics(self.sides, picked(x, local), picked(v, local), t)
         return here if here.finite else None
 
@@ -116,13 +116,13 @@ class ContactTerm(Term):
             return None
         first, second = (s.surface for s in self.sides)
         moves = len(self.sides[1].u) > 0
-        planes = Planes.of(here.b[second.facets]) if moves else second.planes
+        planes = Planes.from_corners(here.b[second.facets]) if moves else second.planes
         # pairs: facet f of the first surface with nodes i, g of the second with nodes j
         f, g = self._pairs(here, planes)
         i, j, planes = first.facets[f], second.facets[g], planes.some(g)
         cells = second.cells_at(g, planes) if moves else second.cells.some(g)
         pairs = Pairs(here.a[i], here.va[i], planes, cells, vb=here.vb[j] if moves else None)
-        o, kept = Overlaps.of(pairs)
+        o, kept = Overlaps.from_pairs(pairs)
         nodes = np.concatenate([i[kept], len(first.nodes) + j[kept]], axis=1)
         pieces = Pieces.cut(o, self.face.normal, self.face.friction)
         T = self._temperatures(x, t)[nodes] if self.face.conductance > 0 else None
@@ -135,7 +135,7 @@ class ContactTerm(Term):
 
     def _deflections(self, x: FloatArray) -> FloatArray:
         """(k, d) values of x (N,) at the deflections of the bristles."""
-        n = Sizes.of(*self.sides)
+        n = Sizes.from_sides(*self.sides)
         return picked(x, self.reads[n.all :]).reshape(-1, n.d)
 
     def _pairs(self, here: Kinematics, planes: Planes) -> tuple[IntArray, IntArray]:
@@ -158,7 +158,7 @@ class ContactTerm(Term):
 
     def _temperatures(self, x: FloatArray, t: float) -> FloatArray:
         """(n1 + n2,) temperatures of all nodes, K: unknowns in x (N,), and prescribed ones."""
-        unknown = picked(x, self.reads[Sizes.of(*self.sides).whole :])
+        unknown = picked(x, self.reads[Sizes.from_sides(*self.sides).whole :])
         first, second = self.sides
         n = len(first.T)
         return np.concatenate([first.held.filled(unknown[:n], t),
@@ -232,7 +232,7 @@ class ContactTerm(Term):
         reads, writes: columns and rows of the local unknowns, those of bristles from `start` on;
         -1: none.
         """
-        start = Sizes.of(*self.sides).all
+        start = Sizes.from_sides(*self.sides).all
         at = self.reads[start:]
         if now is None:
             return np.zeros(0), (at, at)
@@ -254,7 +254,7 @@ class ContactTerm(Term):
         """
         k, n = now.kinematics, now.kinematics.sizes
         warms = bool((self.writes[n.whole :] >= 0).any())
-        tangent = Tangent.of(
+        tangent = Tangent.from_overlaps(
             now.overlaps, now.pieces, self.face, now.loads, now.T, deforms=self.deforms,
             warms=warms)
         i, j, D = now.nodes[:, : n.d], now.nodes[:, n.d :] - n.n1, tangent.z.shape[2]
@@ -320,14 +320,14 @@ class ContactTerm(Term):
     def compress(self, trial: Trial, left: FloatArray) -> CompressedLocal | FollowedContact:
         """Projected term, with a Verlet list where deformed surfaces have to be searched."""
         local = CompressedLocal.of(self, trial, left)
-        return FollowedContact.of(local) if self.deforms and local.elements else local
+        return FollowedContact.from_contact(local) if self.deforms and local.elements else local
 
     def restrict(self, keep: IntArray) -> Self:
         """Term with the rows `keep` (positions in `rows`) only, the facets that contribute to them
         (active) and the columns they need. reads, writes: column and row of each local unknown, -1
         for none; hot: nodes of each surface with a kept row."""
         writes = renumbered(self.writes, keep, len(self.rows))
-        n = Sizes.of(*self.sides)
+        n = Sizes.from_sides(*self.sides)
         active = self.active
         # every pair of facets acts on the frames and on the bristles' normal force
         if not (writes[: n.frames] >= 0).any() and not (writes[n.all :] >= 0).any():
@@ -344,7 +344,7 @@ class ContactTerm(Term):
         of both surfaces; a pair is evaluated if one of its facets is active) depend: all of them,
         but of a surface's temperatures, from n.whole on, only those of its active facets, if no
         facet of the other surface is active."""
-        n = Sizes.of(*self.sides)
+        n = Sizes.from_sides(*self.sides)
         if not (active[0].any() or active[1].any()):
             return np.zeros(len(self.reads), bool)
         read = np.ones(len(self.reads), bool)
@@ -364,7 +364,7 @@ class ContactTerm(Term):
     @property
     def movers(self) -> tuple[Mover, Mover]:
         """Both surfaces for the Verlet list: reference positions and columns of their unknowns."""
-        n = Sizes.of(*self.sides)
+        n = Sizes.from_sides(*self.sides)
         ends = np.cumsum([0, n.f1, n.f2, n.u1, n.u2])
         columns = [self.reads[i:j] for i, j in pairwise(ends)]
         first, second = (
@@ -383,7 +383,7 @@ class ContactTerm(Term):
         and the positions of its columns and rows in this term. used1, used2: their nodes; mine:
         their local unknowns, and all bristles; reads, writes: columns and rows of these, -1 for
         none."""
-        n = Sizes.of(*self.sides)
+        n = Sizes.from_sides(*self.sides)
         (one, used1), (two, used2) = (s.some(chosen) for s, chosen in zip(
             self.sides, (first, second), strict=True))
         mine = np.concatenate([n.of_points(used1, used2), np.arange(n.all, len(self.reads))])

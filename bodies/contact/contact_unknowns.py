@@ -64,7 +64,7 @@ class PrescribedTemperatures:
     prescribed: Sequence[tuple[IntArray, Amplitude, FloatArray]] = ()
 
     @classmethod
-    def of(cls, body: FloatingBody, nodes: IntArray) -> Self:
+    def from_body(cls, body: FloatingBody, nodes: IntArray) -> Self:
         """Temperatures that the body prescribes at its `nodes` (n,), sorted."""
         if body.heat is None:
             return cls()
@@ -112,7 +112,7 @@ class ContactSide:
     held: PrescribedTemperatures
 
     @classmethod
-    def of(
+    def from_surface(
         cls, surface: Surface, layout: Layout, *, moves: bool, deforms: bool, conducts: bool,
         motion: FrameHistory | None = None,
     ) -> Self:
@@ -126,8 +126,10 @@ class ContactSide:
         if deforms and body.elasticity is not None:
             u = elastic_numbers(body, layout, nodes).ravel()
         T = thermal_numbers(body, layout, nodes) if conducts else np.full(len(nodes), -1)
-        held = PrescribedTemperatures.of(body, nodes) if conducts else PrescribedTemperatures()
-        return cls(surface, frame, u, T, motion, held)
+        prescribed = PrescribedTemperatures()
+        if conducts:
+            prescribed = PrescribedTemperatures.from_body(body, nodes)
+        return cls(surface, frame, u, T, motion, prescribed)
 
     def some(self, chosen: IntArray) -> tuple[Self, IntArray]:
         """Copy with the facets `chosen` only, and the positions of their nodes in the surface's
@@ -165,7 +167,7 @@ class Sizes:
     n2: int
 
     @classmethod
-    def of(cls, first: ContactSide, second: ContactSide) -> "Sizes":
+    def from_sides(cls, first: ContactSide, second: ContactSide) -> "Sizes":
         return cls(first.surface.d, len(first.frame), len(second.frame), len(first.u),
                    len(second.u), len(first.surface.nodes), len(second.surface.nodes))
 

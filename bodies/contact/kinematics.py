@@ -56,7 +56,7 @@ def attitude_of(pose: FloatArray, rate: FloatArray) -> Attitude:
     position and quaternion or angle."""
     if len(pose) == 3:
         return PlanarAttitude(float(pose[2]), rate[2:])
-    return UnitQuaternion.of(pose, rate)
+    return UnitQuaternion.from_pose(pose, rate)
 
 
 def arms(r: FloatArray) -> FloatArray:
@@ -108,7 +108,7 @@ class Kinematics:
         k, and va = rate - w_2 x a; of the second surface b = X + u and vb = u'. pose, rate: rigid
         coordinates of a body, position first, and their rates.
         """
-        self.sizes = n = Sizes.of(*sides)
+        self.sizes = n = Sizes.from_sides(*sides)
         (q1, q2, u1, u2), (p1, p2, du1, self.vb) = n.split(x), n.split(v)
         pose1, rate1 = sides[0].pose(q1, p1, t)
         pose2, rate2 = sides[1].pose(q2, p2, t)
@@ -315,7 +315,7 @@ def _depth(
     if points is None:
         planes, cells = surface.planes.some(facet), surface.cells.some(facet)
     else:
-        planes = Planes.of(points[surface.facets[facet]])
+        planes = Planes.from_corners(points[surface.facets[facet]])
         cells = surface.cells_at(facet, planes)
     rel = (z - planes.corner)[:, :, None]
     depth = -(planes.n[:, None] @ rel)[:, 0, 0]

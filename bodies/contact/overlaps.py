@@ -81,7 +81,7 @@ class Overlaps:
     measure: FloatArray
 
     @classmethod
-    def of(cls, pairs: Pairs) -> tuple[Self, IntArray]:
+    def from_pairs(cls, pairs: Pairs) -> tuple[Self, IntArray]:
         """The nonempty overlaps of facet pairs, and the numbers of their pairs. depth, eta: of the
         first facet's corners below the second facet, m, and projected on it; borders: functions
         that are positive in its cell; w: relative velocity, sink = -n . w the penetration rate."""

@@ -87,16 +87,16 @@ class Polygonal(ContactPlugin):
                              "with itself is not looked for", "between")
         self._check_motion(one, other)
         d = _dimension(one, other)
-        first, second = (Surface.of(*found) for found in bodies)
+        first, second = (Surface.from_facets(*found) for found in bodies)
         check_start(first, second)
-        bristles = Bristles.of(self.friction, first.X)
+        bristles = Bristles.on_nodes(self.friction, first.X)
         friction = self.friction if bristles is None else Slip()
         face = self._face(one, other, rule(d, enough_points(
             d, self.normal, friction, self.tolerance)))
         # half a facet: farther in, the nearest facet is not the one that was crossed
         reach = 0.5 * float(min(first.sizes.min(), second.sizes.min()))
         return ContactPart(
-            name, first, second, face, near=BroadPhase.of(first, second, reach), reach=reach,
+            name, first, second, face, near=BroadPhase.between(first, second, reach), reach=reach,
             deforms=self.deforms, heats=self.heat is not None, bristles=bristles)
 
     def _face(

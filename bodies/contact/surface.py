@@ -42,7 +42,7 @@ class Planes:
     g: FloatArray
 
     @classmethod
-    def of(cls, b: FloatArray) -> Self:
+    def from_corners(cls, b: FloatArray) -> Self:
         """Planes of facets with corners b (F, d, d), m, ordered for outward normals. N: normals of
         (d - 1)! times the measure; the gradients have the sum 0 (`inner`: those of corners 1
         on)."""
@@ -227,12 +227,13 @@ class Surface:
     radius: float
 
     @classmethod
-    def of(cls, body: FloatingBody, facets: IntArray) -> Self:
+    def from_facets(cls, body: FloatingBody, facets: IntArray) -> Self:
         """Surface of facets (F, d), node numbers of the body, ordered for outward normals."""
         nodes = np.unique(facets)
         at = np.searchsorted(nodes, facets)
         X = body.X[nodes]
-        return cls(body, nodes, at, cells_of(X, at, Planes.of(X[at])), float(radii_of(X[at]).max()))
+        cells = cells_of(X, at, Planes.from_corners(X[at]))
+        return cls(body, nodes, at, cells, float(radii_of(X[at]).max()))
 
     def some(self, chosen: IntArray) -> tuple[Self, IntArray]:
         """Copy with the facets `chosen` only, and the positions (m,) of their nodes in `nodes`.
@@ -287,7 +288,7 @@ class Surface:
     @cached_property
     def planes(self) -> Planes:
         """Planes of the undeformed facets, in the body frame."""
-        return Planes.of(self.X[self.facets])
+        return Planes.from_corners(self.X[self.facets])
 
 
 def radii_of(corners: FloatArray) -> FloatArray:
@@ -314,7 +315,7 @@ class BroadPhase:
     most: int
 
     @classmethod
-    def of(cls, first: Surface, second: Surface, reach: float) -> "BroadPhase":
+    def between(cls, first: Surface, second: Surface, reach: float) -> "BroadPhase":
         radius = first.radius + second.radius + reach
         # a ball that holds one middle at all lies in the ball of twice the radius about it
         held = second.tree.query_ball_point(second.tree.data, 2.0 * radius, return_length=True)

@@ -54,7 +54,7 @@ class Tangent:
     T: FloatArray
 
     @classmethod
-    def of(
+    def from_overlaps(
         cls, o: Overlaps, pieces: Pieces, face: Interface, loads: ContactLoads,
         T: FloatArray | None, deforms: bool, warms: bool,
     ) -> "Tangent":
@@ -68,7 +68,7 @@ class Tangent:
         """
         q = ContactSamples.at(o, pieces.overlap, pieces.samples(face.points), face)
         W = weights_of(o, pieces, face)
-        responses = Responses.of(o, q, face, T)
+        responses = Responses.from_samples(o, q, face, T)
         first_only = o.pairs.vb is None  # the second surface does not deform
         # each a pair: derivatives by the positions and by the velocities
         forces = (_first_moves if first_only else _both_move)(o, q, W, responses)
@@ -116,7 +116,7 @@ class Responses:
     flow: FloatArray
 
     @classmethod
-    def of(
+    def from_samples(
         cls, o: Overlaps, q: ContactSamples, face: Interface, T: FloatArray | None
     ) -> "Responses":
         """Responses at quadrature points with traction p u, u = n - phi v - pull; v slip velocity,

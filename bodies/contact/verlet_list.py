@@ -60,7 +60,7 @@ class MotionBound:
     arm: float
 
     @classmethod
-    def of(cls, mover: Mover, atoms: FloatArray, offset: FloatArray) -> Self:
+    def from_atoms(cls, mover: Mover, atoms: FloatArray, offset: FloatArray) -> Self:
         """Bound for a surface whose full unknowns are offset + atoms @ x: atoms (N, k) trial
         vectors, x (k,) reduced unknowns."""
         d, at = mover.X.shape[1], mover.frame
@@ -116,11 +116,11 @@ class FollowedContact(DelegatingTerm):
     margin: float
 
     @classmethod
-    def of(cls, whole: CompressedLocal) -> Self:
+    def from_contact(cls, whole: CompressedLocal) -> Self:
         """Projected contact `whole`, with bounds of the motion of both surfaces."""
         term: Any = whole.term
         movers: tuple[Mover, Mover] = term.movers
-        first, second = (MotionBound.of(m, whole.atoms, whole.offset) for m in movers)
+        first, second = (MotionBound.from_atoms(m, whole.atoms, whole.offset) for m in movers)
         extent = min(m.extent for m in movers)
         return cls(whole, (movers[0].facets, movers[1].facets), (first, second),
                    max(MARGIN * extent, term.near.radius))

@@ -51,7 +51,7 @@ class Anisotropy:
     recovery: FloatArray
 
     @classmethod
-    def of(cls, material: DirectionalProperties, model: Model) -> "Anisotropy":
+    def from_material(cls, material: DirectionalProperties, model: Model) -> "Anisotropy":
         """Stiffness and thermal stress in the plane or in space, with the constants of the stress
         across the plane (6, 6), (6,), and of the strain across it (4,), for plane stress only: the
         46 numbers of `recovery`. Components xx, yy, zz, yz, zx, xy; plane: those in the plane."""
@@ -109,7 +109,7 @@ def law(material: Constants, model: Model) -> Law:
     if (directional := material.directional()) is not None:
         require(material, ("E", "nu"), "elastic")
         none = float("nan")  # no such constants
-        return Law(none, none, none, none, none, Anisotropy.of(directional, model))
+        return Law(none, none, none, none, none, Anisotropy.from_material(directional, model))
     E, nu, alpha = require(material, ("E", "nu", "alpha"), "elastic")
     mu = E / (2 * (1 + nu))
     if model == "plane_stress":

@@ -90,7 +90,7 @@ class Space(NamedTuple):
     curved: bool
 
     @classmethod
-    def of(cls, mesh: Mesh, nodes: IntArray) -> "Space":
+    def on_mesh(cls, mesh: Mesh, nodes: IntArray) -> "Space":
         """Space on cells with the given nodes (n, q)."""
         d, q = mesh.dimension, nodes.shape[1]
         kind = KINDS[d, corners_of(d, q)]
@@ -187,7 +187,7 @@ def spaces(mesh: Mesh, cells: IntArray | None = None) -> Iterator[tuple[IntArray
     tetrahedra apart from curved ones, their nodes (n, q) in the order of the mesh, and their space.
     """
     for here, nodes in _parts(mesh, cells):
-        space = Space.of(mesh, nodes)
+        space = Space.on_mesh(mesh, nodes)
         if not (space.curved and space.simplex):
             yield here, nodes, space
             continue
@@ -252,7 +252,7 @@ def facet_quadratures(
     shapes: dict[tuple[int, int, int], list[tuple[IntArray, Any, FloatArray]]] = {}
     start = 0  # row of the first facet of this kind of cells
     for here, nodes in _parts(mesh, near_cells):
-        space = Space.of(mesh, nodes)
+        space = Space.on_mesh(mesh, nodes)
         count = len(space.kind.facets)
         for k, facet in enumerate(space.kind.facets):
             mine = np.flatnonzero((row_of >= start) & (row_of < start + len(here) * count)

@@ -39,7 +39,7 @@ class Facets:
     areas: FloatArray
 
     @classmethod
-    def of(cls, corners: FloatArray) -> "Facets":
+    def from_corners(cls, corners: FloatArray) -> "Facets":
         """Facets ordered for outward normals."""
         n = area_vectors(corners) / (corners.shape[2] - 1)
         areas = np.linalg.norm(n, axis=1)

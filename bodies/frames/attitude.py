@@ -152,7 +152,7 @@ class UnitQuaternion:
                           - np.outer(force, self._unit)) / self._size
 
     @classmethod
-    def of(cls, pose: FloatArray, rate: FloatArray) -> Self:
+    def from_pose(cls, pose: FloatArray, rate: FloatArray) -> Self:
         """Attitude from rigid coordinates, position first, and their rates."""
         return cls(pose[3:], rate[3:])
 

@@ -63,7 +63,7 @@ def write_frame(
         stress_stiffness=stress_stiffness, stiffened=stiffened)
     if mass is not None and (body.moves or body.flexible):
         equations.frame(
-            body.name, Inertia.of(mass, moments_of(len(body.pose))),
+            body.name, Inertia.from_moments(mass, moments_of(len(body.pose))),
             None if field is None else np.concatenate([field.first, field.about], axis=1),
             generators=() if field is None else field.matrices)
     if body.moves and body.turns_freely:

@@ -47,7 +47,7 @@ class Inertia(Item):
         object.__setattr__(self, "tensor", self.moments.tensor.dot(self.second))
 
     @classmethod
-    def of(cls, body: MassProperties, moments: Moments) -> Self:
+    def from_moments(cls, body: MassProperties, moments: Moments) -> Self:
         return cls(body.mass, body.moment, moments.numbers(body.second), moments)
 
     @property

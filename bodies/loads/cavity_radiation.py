@@ -180,7 +180,7 @@ class CavityRadiation(LoadPlugin):
             nodes.append(facet_nodes)
             X = points_in_space(np.tile(body.pose, (len(body.X), 1)), body.X)
             corners.append(X[facet_nodes])
-        straight = Facets.of(np.concatenate(corners))
+        straight = Facets.from_corners(np.concatenate(corners))
         if len(straight.areas) > MOST:
             raise InputError(f"{len(straight.areas)} straight facets, of which view factors of at "
                              f"most {MOST} are computed: name smaller surfaces, or coarser ones",

@@ -78,7 +78,7 @@ class PointTerm(ReducedTerm):
     source: str = ""
 
     @classmethod
-    def of(
+    def from_law(
         cls, law: PointwiseLaw, weights: FloatArray, coordinates: FloatArray,
         variables: Sequence[Variable], projections: Sequence[ProjectedVariable],
         tests: Sequence[FloatArray], source: str,

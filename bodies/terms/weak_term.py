@@ -299,8 +299,8 @@ class WeakTerm(Term):
             L = np.einsum("len,enq->leq", at_nodes, np.broadcast_to(
                 functions, (*shape.nodes.shape, functions.shape[2])), optimize=True)
             tests.append(L)
-        return PointTerm.of(self.law, self.weights, self.coordinates, reads, projections, tests,
-                            self.source)
+        return PointTerm.from_law(
+            self.law, self.weights, self.coordinates, reads, projections, tests, self.source)
 
 
 def interpolated(shape: ShapeFunctions, nodal: FloatArray, axis: int | None) -> FloatArray:

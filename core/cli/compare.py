@@ -185,7 +185,7 @@ def _run_one(
     if resume and OutputDirectory(here).is_result():
         earlier = open_result(here)
         if earlier.status.ok and earlier.attributes["scene_digest"] == scene.digest():
-            changed = Identity.of(scene).changes(earlier.attributes.get("identity", {}))
+            changed = Identity.from_scene(scene).changes(earlier.attributes.get("identity", {}))
             if changed:
                 raise InputError(f"{here} cannot be kept: since it was computed, "
                                  f"{'; '.join(changed)}. Start again, with --force", "resume")

@@ -44,7 +44,7 @@ def validate(scene: SceneName, settings: Settings = None, as_json: Json = False)
         from sparsemor.core.simulation.validation import checked_model
 
         model = checked_model(loaded)
-        found = sentences(Checks.of(loaded).of_model(loaded, model), Level.WARNING)
+        found = sentences(Checks.for_scene(loaded).of_model(loaded, model), Level.WARNING)
         bodies = body_facts(model, loaded.bodies)
     if as_json:
         print_json({"status": "done", "scene": loaded.dump(), "notes": found,

@@ -55,7 +55,7 @@ class Constraints:
     h: float
 
     @classmethod
-    def of(cls, layout: Layout, terms: tuple[Term, ...], h: float) -> "Constraints":
+    def from_terms(cls, layout: Layout, terms: tuple[Term, ...], h: float) -> "Constraints":
         """Constraints among the residual terms of a model: those in the rows of multipliers."""
         rows = layout.algebraic
         here = ((t, np.flatnonzero((t.rows >= rows.start) & (t.rows < rows.stop))) for t in terms)

@@ -295,7 +295,7 @@ def broken_rates(layout: Layout, rates: FloatArray, sizes: FloatArray) -> tuple[
 
 def _constraints(model: AssembledModel) -> Constraints:
     """Constraint equations of all joints, with their time derivatives."""
-    return Constraints.of(model.layout, model.terms, model.separated.step)
+    return Constraints.from_terms(model.layout, model.terms, model.separated.step)
 
 
 # ------------------------------------------------------------------ start of the first step

@@ -50,7 +50,7 @@ class Saved:
     arrays: tuple[NDArray[Any], ...]
 
     @classmethod
-    def of(cls, value: object, name: str = "memory") -> "Saved":
+    def from_value(cls, value: object, name: str = "memory") -> "Saved":
         """Serialized copy of `value`: None, numbers, strings, bytes, arrays, random generators,
         lists, tuples, sets, mappings, and objects with fields of these types.
 
@@ -303,7 +303,8 @@ def checkpoint_file(store: Path) -> Path:
 def save_checkpoint(store: Path, checkpoint: Checkpoint) -> None:
     """Writes the checkpoint of a store; an earlier one is replaced atomically."""
     memory = checkpoint.memory
-    head = Saved.of((checkpoint.run, checkpoint.stored, dict(checkpoint.arrays)), "checkpoint")
+    head = Saved.from_value(
+        (checkpoint.run, checkpoint.stored, dict(checkpoint.arrays)), "checkpoint")
     tree = {"head": head.tree, "own": len(head.arrays), "memory": memory.tree}
     replace_file(checkpoint_file(store), Saved(tree, (*head.arrays, *memory.arrays)).dump())
 

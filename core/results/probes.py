@@ -33,7 +33,7 @@ class AffineOutput:
     base: FloatArray
 
     @classmethod
-    def of(
+    def from_weights(
         cls, name: str, weights: FloatArray, layout: Layout, maps: Mapping[str, Dictionary]
     ) -> "AffineOutput":
         """Output of weights (n, j) on the full-order unknowns of block `name`. maps: dictionaries
@@ -66,7 +66,7 @@ class ProbeReader:
     """Parts of its stress."""
 
     @classmethod
-    def of(
+    def at_place(
         cls, place: ProbePlace, layout: Layout, maps: Mapping[str, Dictionary]
     ) -> "ProbeReader":
         """Reader of a probe from the unknowns of a step solver. maps: dictionaries of its reduced
@@ -77,11 +77,12 @@ class ProbeReader:
         parts = [] if s is None else [(moved, s.displacement), (heated, s.temperature)]
         return cls(
             place, None if frame is None else layout[frame.name],
-            None if u is None or moved is None else AffineOutput.of(moved.name, u, layout, maps),
+            None if u is None or moved is None else AffineOutput.from_weights(
+                moved.name, u, layout, maps),
             None if T is None or heated is None
-            else AffineOutput.of(heated.name, T[:, None], layout, maps),
-            tuple(AffineOutput.of(block.name, weights, layout, maps) for block, weights in parts
-                  if block is not None and weights is not None))
+            else AffineOutput.from_weights(heated.name, T[:, None], layout, maps),
+            tuple(AffineOutput.from_weights(block.name, weights, layout, maps)
+                  for block, weights in parts if block is not None and weights is not None))
 
     @property
     def name(self) -> str:
@@ -168,7 +169,7 @@ class ForceReader:
     ends: tuple[slice | FrameHistory, slice | FrameHistory]
 
     @classmethod
-    def of(cls, name: str, force: RecordedForce, layout: Layout) -> "ForceReader":
+    def from_force(cls, name: str, force: RecordedForce, layout: Layout) -> "ForceReader":
         one, two = (layout[e] if isinstance(e, str) else e for e in force.moved_by)
         return cls(name, force.component, force.law, (one, two))
 

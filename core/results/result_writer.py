@@ -229,7 +229,7 @@ class ResultWriter:
         """
         run, stored = self._document["attributes"]["run"], self.stored - extra
         with self._folder.kept(self._last_time), writing(checkpoint_file(self.path)):
-            save_checkpoint(self.path, Checkpoint(run, stored, arrays, Saved.of(memory)))
+            save_checkpoint(self.path, Checkpoint(run, stored, arrays, Saved.from_value(memory)))
 
     def finish(self, status: Status, summary: Mapping[str, Any]) -> None:
         """Writes the final status and summary of the run.
@@ -404,7 +404,7 @@ def resumable(target: Path, scene: Scene | None) -> tuple[dict[str, Any], Checkp
     if scene is not None:
         if why := refusal(attributes, scene):
             raise refuse(why)
-        if changed := Identity.of(scene).changes(attributes.get("identity", {})):
+        if changed := Identity.from_scene(scene).changes(attributes.get("identity", {})):
             raise refuse(f"since it was stopped, {'; '.join(changed)}. Start the run again, with "
                          "--force or into another directory")
     try:

@@ -56,7 +56,7 @@ class Identity:
     threads: int
 
     @classmethod
-    def of(cls, scene: Scene) -> "Identity":
+    def from_scene(cls, scene: Scene) -> "Identity":
         """Identity of a run of this scene in the present environment."""
         parts = list(_plugins(scene))
         found = {p.partition(".")[0] for part in parts for p in _modules(type(part))}

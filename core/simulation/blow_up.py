@@ -106,7 +106,7 @@ class Extents:
     blocks: tuple[Extent, ...]
 
     @classmethod
-    def of(
+    def from_model(
         cls, model: Model | None, layout: Layout, dictionaries: Mapping[str, Dictionary]
     ) -> "Extents":
         """Extents of the bodies of a model, for unknowns in this layout; none without a mesh."""
@@ -274,7 +274,7 @@ def _smaller(
     try:
         solver: StepSolver = scene.reducer.prepare(problem_of(scene, model, offline, h))
         state, memory = started(solver, scene.integrator, start)
-        extents = Extents.of(model, solver.layout, solver.dictionaries)
+        extents = Extents.from_model(model, solver.layout, solver.dictionaries)
         for taken in iterate(FixedStep.of(scene.integrator, solver, h), state, memory, count):
             sizes = extents.sizes(taken.state.x[None])[0]
             if not taken.outcome.status.ok or extents.exceeded(sizes) or any(

@@ -130,7 +130,7 @@ class Checks(pluggy.PluginManager):
             self.renewed |= cls.renewed
 
     @classmethod
-    def of(cls, scene: Scene) -> "Checks":
+    def for_scene(cls, scene: Scene) -> "Checks":
         """The installed checks, for a run of a scene."""
         return cls(scene.source.registry.every(KIND))
 

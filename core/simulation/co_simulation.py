@@ -203,7 +203,7 @@ class ModelStepper:
     def saved(self) -> bytes:
         """Present state with the values of the inputs, for `restore`."""
         s = self._state
-        return Saved.of(self._kept(s, self._memory), "stepper").dump()
+        return Saved.from_value(self._kept(s, self._memory), "stepper").dump()
 
     def restore(self, saved: bytes) -> None:
         """Goes on from a state that `saved` of a stepper of this model gave. Raises InputError for
@@ -234,7 +234,7 @@ class ModelStepper:
 
     def _look(self) -> None:
         """Lets checks watch the steps from the present state on."""
-        self._on_step = Checks.of(self._run.scene).on_start(self._run, self._state, False)
+        self._on_step = Checks.for_scene(self._run.scene).on_start(self._run, self._state, False)
 
 
 def _restored(

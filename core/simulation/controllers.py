@@ -65,8 +65,8 @@ def sensors(
     """What controllers may read of a step solver's unknowns, by name. maps: those of its blocks."""
     return outputs_of(
         layout, model.multiplier_components,
-        [ProbeReader.of(p, layout, maps) for p in model.probes],
-        [ForceReader.of(n, j.force, layout) for n, j in model.joints.items() if j.force])
+        [ProbeReader.at_place(p, layout, maps) for p in model.probes],
+        [ForceReader.from_force(n, j.force, layout) for n, j in model.joints.items() if j.force])
 
 
 def controller_faults(scene: Scene, model: Model) -> list[Fault]:

@@ -73,7 +73,7 @@ class Offline:
         self.expected: float | None = None
 
     @classmethod
-    def of(cls, model: Model, snapshots: Mapping[str, FloatArray]) -> "Offline":
+    def from_snapshots(cls, model: Model, snapshots: Mapping[str, FloatArray]) -> "Offline":
         """Offline data of snapshots (n, M) per block, without training run and cache: for scripts
         and tests."""
         rows = {name: s.T for name, s in snapshots.items()}
@@ -302,7 +302,7 @@ def full_run(
     step = controllers.around(step_of(solver, scene.integrator, h), controllers.begin())
     first = resolved_start(model, scene.integrator, h).state
     state, memory = started(solver, scene.integrator, first)
-    extents = Extents.of(model, solver.layout, solver.dictionaries)
+    extents = Extents.from_model(model, solver.layout, solver.dictionaries)
     name = phase.removesuffix(" run")
     manager.hook.on_start(run=RunStart(
         scene.title, scene.reducer_name, 0.0, steps * h, steps, name))

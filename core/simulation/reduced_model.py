@@ -237,7 +237,7 @@ class ReducedModel:
     def _extents(self) -> Extents:
         """Sizes of the bodies' displacements and temperatures in the unknowns of the steps."""
         run = self._run
-        return run.extents if run.model is None else Extents.of(
+        return run.extents if run.model is None else Extents.from_model(
             run.model, run.solver.layout, run.solver.dictionaries)
 
     @cached_property
@@ -424,7 +424,7 @@ class ReducedModel:
     def _pack(self, value: object) -> Packed:
         """Data of an object without plugins. Raises InputError for one that needs the mesh."""
         try:
-            return Packed.of(value, _table(self.scene), _functions(self.scene))
+            return Packed.from_object(value, _table(self.scene), _functions(self.scene))
         except PackedError as error:
             raise InputError(f"a model of reducer {self._run.header.reducer} cannot be kept apart "
                              f"from its mesh here: {error}", "reducer") from None
@@ -481,7 +481,7 @@ class ReducedModel:
         if self._again is not None and any(self._fault(key, scene) for key in keys):
             again = ReducedModel(self._again(scene, None), again=self._again)
             return again._changed({}, initial)
-        checks = Checks.of(scene)
+        checks = Checks.for_scene(scene)
         run = replace(run, scene=scene, header=replace(
             run.header, scene=scene.dump(), scene_digest=scene.digest(),
             steps_planned=step_count(scene)), notes=(
@@ -513,7 +513,7 @@ class ReducedModel:
         named, plugins = ({**_functions(s), "integrator": s.integrator}
                           for s in (self.scene, scene))
         try:
-            return None if self._run.estimator is None else Packed.of(
+            return None if self._run.estimator is None else Packed.from_object(
                 self._run.estimator, _table(self.scene), named).made(_table(scene), plugins)
         except PackedError:
             return None

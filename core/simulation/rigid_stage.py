@@ -111,7 +111,7 @@ def staged(scene: Scene, products: Products, manager: Manager, body_cache: BodyC
     """
     rigid = rigid_scene(scene)
     model = rigid_model(rigid, body_cache)
-    key = digest(rigid.digest(), Identity.of(rigid).plain(), mesh_content(model))
+    key = digest(rigid.digest(), Identity.from_scene(rigid).plain(), mesh_content(model))
     arrays = products.remember("rigid_stage", key, lambda: _run(rigid, model, manager))
     imported = _Imported(_stage(arrays), products, key, scene)
     flexible = assemble(scene, imported, body_cache)
@@ -157,7 +157,7 @@ def _run(scene: Scene, model: Model, manager: Manager) -> Arrays:
     `reactions_passed_on(times, multipliers, poses)`, the reaction forces for the flexible model."""
     layout = model.layout
     try:
-        states = list(full_run(scene, model, Offline.of(model, {}), manager, STAGE))
+        states = list(full_run(scene, model, Offline.from_snapshots(model, {}), manager, STAGE))
     except SolveFailed as failure:
         if failure.status is not Status.STEP_TOO_LONG:
             raise

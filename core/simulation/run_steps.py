@@ -128,7 +128,7 @@ class RunSteps:
             recorder.errors = ErrorRecord(
                 run.estimator, run.full_start or run.start, self.state, run.changes)
         self.stats.controllers = self._controllers().begin()
-        self.found, self.checks = found, Checks.of(scene) if found is None else Checks(())
+        self.found, self.checks = found, Checks.for_scene(scene) if found is None else Checks(())
         self.control = self.checks.control(run)
         if self.control is not None:
             assert isinstance(self.control, StepControl)
@@ -287,7 +287,7 @@ class RunSteps:
             step_of(solver, self.scene.integrator, h), self.stats.controllers)
         watched, stats, end = self.manager.has_observers, self.stats, self.stats.done + count
         self.limits = self.limits.of(
-            self.run.extents if self.run.extents.blocks else Extents.of(
+            self.run.extents if self.run.extents.blocks else Extents.from_model(
                 self.run.model, solver.layout, solver.dictionaries))
         many = None if controllers.found else self.many
         for taken in chain.from_iterable(map(self._judged, in_blocks(

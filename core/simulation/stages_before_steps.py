@@ -169,11 +169,12 @@ def reduced(
     return PreparedRun(
         scene, solver, start.state,
         header=header_of(scene, model, solver, step_count(scene), estimator),
-        probes=tuple(ProbeReader.of(p, solver.layout, solver.dictionaries) for p in model.probes),
+        probes=tuple(ProbeReader.at_place(
+            p, solver.layout, solver.dictionaries) for p in model.probes),
         given={n: shape for n, shape in model.shapes().items() if shape.given}, notes=notes,
         trained_to=scene.training_end if offline.trained else None, model=model,
         estimator=estimator, offline=offline, own_loads=known, forces=tuple(
-            ForceReader.of(name, joint.force, solver.layout)
+            ForceReader.from_force(name, joint.force, solver.layout)
             for name, joint in model.joints.items() if joint.force is not None))
 
 
@@ -200,7 +201,7 @@ def checked(run: PreparedRun, again: PreparedRun | None = None) -> PreparedRun:
     InputError for a run that its scene asks to refuse."""
     scene, model, offline = run.scene, run.model, run.offline
     assert model is not None and offline is not None
-    checks = Checks.of(scene)
+    checks = Checks.for_scene(scene)
     found = checks.before_steps(run, again)
     solver = controlled(scene, model, offline, run.solver)
     estimator = () if run.estimator is None else run.estimator.notes
@@ -221,7 +222,7 @@ def header_of(
     return replace(
         full_order_header(scene, model, steps), layout=solver.layout,
         dictionaries=solver.dictionaries, rows=solver.rows,
-        probes=tuple(ProbeReader.of(p, solver.layout, solver.dictionaries).header()
+        probes=tuple(ProbeReader.at_place(p, solver.layout, solver.dictionaries).header()
                      for p in model.probes),
         stage=model.stage,
         contacts={a.name: a.term.histories for a in solver.resultant_sources(None)}
@@ -236,11 +237,11 @@ def full_order_header(scene: Scene, model: Model, steps: int) -> RunHeader:
     names = {"sparsemor", "numpy", "scipy", "scikit-fem", "pydantic", *(d.name for d in offering)}
     return RunHeader(
         scene=scene.dump(), scene_digest=scene.digest(), seed=scene.seed,
-        identity=Identity.of(scene).plain(), platform=described(),
+        identity=Identity.from_scene(scene).plain(), platform=described(),
         versions={"python": platform.python_version()} | {n: version(n) for n in sorted(names)},
         reducer=scene.reducer_name, layout=model.layout, full_layout=model.layout,
         step=scene.time.step, steps_planned=steps, bodies=model.shapes(),
-        probes=tuple(ProbeReader.of(p, model.layout, {}).header() for p in model.probes),
+        probes=tuple(ProbeReader.at_place(p, model.layout, {}).header() for p in model.probes),
         multipliers=model.multiplier_components,
         forces={n: joint.force.component for n, joint in model.joints.items()
                 if joint.force is not None},

@@ -108,7 +108,8 @@ def offline_of(
 
     def run(own: Mapping[str, Any]) -> TrainingRun:
         training, physics = training_physics(scene, own)
-        key = digest(physics.digest(), training.training.every, Identity.of(physics).plain(), mesh)
+        identity = Identity.from_scene(physics).plain()
+        key = digest(physics.digest(), training.training.every, identity, mesh)
         make = partial(train, training, manager, products, body_cache)
         return key, make if scene.training.loads is None else partial(_under_loads, make)
 
@@ -199,7 +200,7 @@ def train(
         scene, step_count(scene), model.layout, model.reducible(), products.scratch)
     try:
         for n, state in enumerate(
-                full_run(scene, model, Offline.of(model, {}), manager, TRAINING)):
+                full_run(scene, model, Offline.from_snapshots(model, {}), manager, TRAINING)):
             collector.take(n, state)
         return dict(collector.finished())
     finally:

@@ -52,8 +52,9 @@ def reduced_problem(
 ) -> ReducedProblem:
     """Problem from which a reducer prepares a step solver; snapshots: block -> (n, M) of a training
     run, empty where it needs none."""
-    return ReducedProblem(model, scene.integrator, scene.time.step, Offline.of(model, snapshots),
-                          np.random.default_rng(scene.seed))
+    return ReducedProblem(
+        model, scene.integrator, scene.time.step, Offline.from_snapshots(model, snapshots),
+        np.random.default_rng(scene.seed))
 
 
 def march(

@@ -135,7 +135,7 @@ def _prepared(
     scene: Scene, model: Model, snapshots: dict[str, FloatArray], seed: int
 ) -> StepSolver:
     solver: StepSolver = scene.reducer.prepare(ReducedProblem(
-        model, scene.integrator, scene.time.step, Offline.of(model, snapshots),
+        model, scene.integrator, scene.time.step, Offline.from_snapshots(model, snapshots),
         np.random.default_rng(seed)))
     return solver
 
@@ -197,7 +197,7 @@ def _restored(solver: StepSolver, model: Model, memory: StepMemory) -> StepMemor
     """Step memory as a resumed run gets it: written as plain data, and read into the memory of the
     start."""
     try:
-        stored = Saved.of(memory).dump()
+        stored = Saved.from_value(memory).dump()
         restored: StepMemory = Saved.load(stored).into(solver.start(consistent_state(model))[1])
         return restored
     except (TypeError, SavedError) as error:

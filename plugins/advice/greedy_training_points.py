@@ -93,7 +93,7 @@ def greedy_points(
     # the same at all values of the parameters
     physics = physics_of(scene.using(values_at(box.chosen(scene.parameters)[0])), "greedy")
     arrays = products.remember("greedy", digest(
-        physics.digest(), box, dict(scene.parameters), Identity.of(scene).plain()), make)
+        physics.digest(), box, dict(scene.parameters), Identity.from_scene(scene).plain()), make)
     points: list[Point] = [dict(zip(names, map(float, row), strict=True))
                            for row in np.asarray(arrays["points"])]
     error = float(arrays["error"])

@@ -66,7 +66,7 @@ class ProjectedTerm(Term):
     term: ReducedTerm
 
     @classmethod
-    def of(
+    def from_term(
         cls, term: Term, full: Layout, small: Layout, bases: Mapping[str, Dictionary]
     ) -> "ProjectedTerm":
         """A term of the model, projected on the trial bases of its blocks."""
@@ -109,12 +109,12 @@ class System:
     terms: tuple[Term, ...]
 
     @classmethod
-    def of(cls, model: Model, bases: Mapping[str, Dictionary]) -> "System":
+    def from_model(cls, model: Model, bases: Mapping[str, Dictionary]) -> "System":
         layout = model.layout.resized({n: d.atoms.shape[1] for n, d in bases.items()})
         if not bases:
             return cls(model, bases, layout, model.terms)
         return cls(model, bases, layout, tuple(
-            ProjectedTerm.of(t, model.layout, layout, bases) for t in model.terms))
+            ProjectedTerm.from_term(t, model.layout, layout, bases) for t in model.terms))
 
     def residual(self, s: State) -> FloatArray:
         """Residual (n,) in a state of its unknowns."""

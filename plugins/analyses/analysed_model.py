@@ -66,7 +66,7 @@ def prepare(scene: Scene, observers: Sequence[object] = (), cache: Cache | None 
     bases: dict[str, Dictionary] = {
         name: offline.dictionary(name, basis, factors)[0]
         for name, basis in fitted_bases(model, scene.reducer).bases.items()}
-    return Prepared(scene, System.of(model, bases), bodies)
+    return Prepared(scene, System.from_model(model, bases), bodies)
 
 
 def time_of(scene: Scene, at: float | None) -> float:
@@ -117,7 +117,7 @@ def steady_heat(p: Prepared, *, at: float | None = None) -> SolvedState:
     if not len(rows):
         raise InputError("no body of this scene has a thermal field", "bodies")
     start = system.start(time_of(p.scene, at))
-    _check_sinks(System.of(p.model, {}), start.t)
+    _check_sinks(System.from_model(p.model, {}), start.t)
     return newton(system, start, rows)
 
 

@@ -59,7 +59,7 @@ def buckling(
     if scaled is None and p.scene.initial is not None:
         without["initial"] = None
     scene = p.scene.using(without, label="scaled")
-    system = System.of(assemble(scene, body_cache=p.bodies), p.system.bases)
+    system = System.from_model(assemble(scene, body_cache=p.bodies), p.system.bases)
     start = system.start(t)
     free = free_motions(system, start)
     if free.shape[1] and neutral(system, start, free).shape[1]:
@@ -93,7 +93,7 @@ def _about(p: Prepared, system: System, s: State, count: int) -> Buckled:
     T, (second, held) = body_axes(system.layout, s)[0], kept_rows(system.layout)
     left = csc_array(T.T)
     z = csc_array(left @ (K + K_s) @ T)
-    c = Constrained.of(Tangents(z, 0.0 * z, 0.0 * z), second, held)
+    c = Constrained.from_tangents(Tangents(z, 0.0 * z, 0.0 * z), second, held)
     K_g = csc_array(left @ (tangent_change + K_s_loaded - K_s) @ T)[second][:, second]
     for X in (c.K, K_g):
         if abs(X - X.T).max() > LIKE * abs(X).max():

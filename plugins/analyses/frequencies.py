@@ -137,7 +137,7 @@ def frequencies(
     if not len(p.system.mechanical):
         raise InputError("no body of this scene moves or deforms: nothing can vibrate", "bodies")
     lin = linearised(p, at, spin, about)
-    modes = modes_of(Constrained.of(lin.z, lin.second, lin.held), count)
+    modes = modes_of(Constrained.from_tangents(lin.z, lin.second, lin.held), count)
     T = lin.axes[0]
     z = np.zeros((T.shape[1], len(modes.values)), np.complex128)
     z[lin.second] = modes.shapes

@@ -48,7 +48,7 @@ class Constrained:
     C: Csr
 
     @classmethod
-    def of(cls, t: Tangents, second: IntArray, held: IntArray) -> "Constrained":
+    def from_tangents(cls, t: Tangents, second: IntArray, held: IntArray) -> "Constrained":
         """Of tangents of all unknowns, `second` those with inertia and `held` the multipliers."""
         K, D, M = (csc_array(X[second][:, second]) for X in (t.K, t.D, t.M))
         return cls(K, D, M, csc_array(t.K[held][:, second]), csc_array(t.K[held][:, held]))

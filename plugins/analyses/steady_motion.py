@@ -41,7 +41,7 @@ def spinning(system: System, at: State, h: float) -> tuple[FloatArray, FloatArra
     rates of positions before those of attitudes; h: time step, s."""
     layout, model = system.layout, system.model
     frames, rows = layout.frames, layout.algebraic
-    constraints = Constraints.of(layout, system.terms, h)
+    constraints = Constraints.from_terms(layout, system.terms, h)
     G = system.jacobian(at)[rows][:, frames].toarray()
     v, a, positions = np.zeros(layout.size), np.zeros(layout.size), np.zeros(frames.stop, np.bool_)
     v[frames] = model.v0[frames]

@@ -116,8 +116,8 @@ def stored(
     writer = ResultWriter.create(folder / STORE, header)
     X, t = np.array([s.x for s in states]), np.array([s.t for s in states])
     V, layout = np.array([s.v for s in states]), p.model.layout
-    probes = [ProbeReader.of(place, layout, {}) for place in p.model.probes]
-    forces = [ForceReader.of(n, j.force, layout) for n, j in p.model.joints.items()
+    probes = [ProbeReader.at_place(place, layout, {}) for place in p.model.probes]
+    forces = [ForceReader.from_force(n, j.force, layout) for n, j in p.model.joints.items()
               if j.force is not None]
     zero = np.zeros(len(t))
     # a force element needs the rates of its two poses too, by their first unknown

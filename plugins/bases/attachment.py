@@ -81,7 +81,7 @@ class Attachment(Basis):
         families = [f for f in self._forces(data) if f[1]]
         if not families:
             raise refuse_nowhere(data, "attachment")
-        solve = StaticSolver.of(data)
+        solve = StaticSolver.from_data(data)
         answers, said = [solve(forces) for forces, _ in families], [n for _, n in families]
         if self.dynamic:
             known_step(data, "attachment with dynamic: true")

@@ -153,7 +153,7 @@ class Modal(Basis):
             columns.append(data.start[:, None])
             names.append("start")
         if self.correction and data.loads.shape[1]:
-            columns.append(StaticSolver.of(data)(data.loads))
+            columns.append(StaticSolver.from_data(data)(data.loads))
             names += [f"residual {load}" for load in load_names(data)]
         return np.concatenate(columns, axis=1), names
 
@@ -239,7 +239,7 @@ class CraigBampton(Basis):
         """Dictionary with atoms (n, k). Raises InputError for a block on which no joint acts."""
         modes = lowest_modes(data, self.count, joint_columns(data, "craig_bampton"))
         names = [f"fixed mode {i}" for i in range(len(modes.values))]
-        pulled = oriented_unit_columns(StaticSolver.of(data)(data.loads[:, data.joints]))
+        pulled = oriented_unit_columns(StaticSolver.from_data(data)(data.loads[:, data.joints]))
         own, _ = independent(pulled, 1e-10)
         names += [f"constraint {load_names(data)[data.joints[i]]}" for i in own]
         atoms = np.concatenate([modes.shapes, pulled[:, own]], axis=1)

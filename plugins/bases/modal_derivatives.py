@@ -76,6 +76,7 @@ def derivatives(
         for i in range(j + 1):
             forces[i, j] = -(change @ shapes[:, i])
     order = zip(*np.triu_indices(shapes.shape[1]), strict=True)
-    found = StaticSolver.of(data)(np.column_stack([forces[int(i), int(j)] for i, j in order]))
+    solver = StaticSolver.from_data(data)
+    found = solver(np.column_stack([forces[int(i), int(j)] for i, j in order]))
     large = np.linalg.norm(found, axis=0) > 1e-9 * np.linalg.norm(shapes, axis=0).max()
     return np.asarray(np.where(large, found, 0.0))

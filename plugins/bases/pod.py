@@ -69,8 +69,9 @@ class Pod(Basis):
         n, M = A.shape
         offset = column_mean(A) if self.centred else np.zeros(n)
         weighted = self.weights != "none"
-        snapshots = ScaledSnapshots.of(A, offset, weighted)
-        plain = snapshots if not weighted else ScaledSnapshots.of(A, offset, weighted=False)
+        snapshots = ScaledSnapshots.from_snapshots(A, offset, weighted)
+        plain = snapshots if not weighted else ScaledSnapshots.from_snapshots(
+            A, offset, weighted=False)
         if plain.total == 0.0 and self.centred:
             raise _nothing_left(data.name, M)
         if not 0.0 < plain.total < np.inf:

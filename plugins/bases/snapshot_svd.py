@@ -99,7 +99,7 @@ class ScaledSnapshots:
     total: float
 
     @classmethod
-    def of(cls, A: FloatArray, offset: FloatArray, weighted: bool) -> "ScaledSnapshots":
+    def from_snapshots(cls, A: FloatArray, offset: FloatArray, weighted: bool) -> "ScaledSnapshots":
         """Snapshots A (n, M) less `offset` (n,); weighted: each column is divided by the square
         root of its norm, columns of zeros excepted."""
         with np.errstate(over="ignore", under="ignore"):  # the caller checks `total`

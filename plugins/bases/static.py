@@ -98,7 +98,7 @@ class Static(Basis):
         """Responses, in blocks of columns (n, j), and a name for each column: of displacements to
         the loads, the initial values, and responses to the temperatures of a basis (forces
         K_fT T = data.coupling @ T)."""
-        solve = StaticSolver.of(data)
+        solve = StaticSolver.from_data(data)
         columns = [np.zeros((data.size, 0)) if solve.uniform is None else solve.uniform[:, None],
                    solve(data.loads)]
         names = [] if solve.uniform is None else [LASTING[0]]
@@ -119,7 +119,7 @@ class Static(Basis):
     def _of_heat(self, data: BlockData) -> tuple[list[FloatArray], list[str]]:
         """Responses, in blocks of columns (n, j), and a name for each column: of temperatures, the
         uniform one and the initial values, then (K_T + s C)^-1 f for the loads f at each rate s."""
-        steady = StaticSolver.of(data)
+        steady = StaticSolver.from_data(data)
         columns: list[FloatArray] = []
         names: list[str] = []
         if steady.uniform is not None:

@@ -65,7 +65,7 @@ class StaticSolver:
     is regular."""
 
     @classmethod
-    def of(cls, data: BlockData) -> "StaticSolver":
+    def from_data(cls, data: BlockData) -> "StaticSolver":
         one, K = np.ones(data.size), data.stiffness
         if np.abs(K @ one).max() > NULL_RTOL * np.abs(K.data).max(initial=0.0):
             return cls(factorize(K, data), None, np.zeros(0))

@@ -69,7 +69,7 @@ def _write(
     if frames < 2:
         raise InputError(f"give at least 2 (got {frames})", "frames")
     steps = _steps(run, frames, at)
-    scene = _Stage.of(run, steps, FIELDS[field], magnify)
+    scene = _Stage.from_run(run, steps, FIELDS[field], magnify)
     figure = new_figure(7.2, 7.2 * min(max(scene.slope, 0.35), 1.2) + 0.5)
     axes, bar = figure.subplots(), None
     writer = _writer(file)
@@ -150,7 +150,7 @@ class _Stage:
     box: FloatArray
 
     @classmethod
-    def of(
+    def from_run(
         cls, run: RunResult, steps: Sequence[int], field: Field, magnify: float | None
     ) -> "_Stage":
         """What is drawn of a run: magnification, colour limits and box are those of all frames.

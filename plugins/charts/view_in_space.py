@@ -30,7 +30,7 @@ class View:
     axes: FloatArray
 
     @classmethod
-    def of(cls, name: str, azimuth: float, elevation: float) -> "View":
+    def from_angles(cls, name: str, azimuth: float, elevation: float) -> "View":
         """View from the direction `azimuth` (about z, from x) and `elevation` (above the plane z =
         0), degrees."""
         a, e = np.radians([azimuth, elevation])
@@ -43,7 +43,7 @@ class View:
         return np.asarray(points @ self.axes.T)
 
 
-VIEWS = (View.of("from above", -50.0, 40.0), View.of("from below", -50.0, -40.0))
+VIEWS = (View.from_angles("from above", -50.0, 40.0), View.from_angles("from below", -50.0, -40.0))
 """Views from above and below, because a contact may heat the lower side."""
 
 

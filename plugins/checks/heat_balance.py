@@ -69,7 +69,7 @@ class HeatBalance(Check):
     _sums: "HeatSums | None" = None
 
     def on_start(self, run: PreparedRun, state: State, whole: bool) -> OnStep | None:
-        self._sums = HeatSums.of(run, state if whole else None)
+        self._sums = HeatSums.from_run(run, state if whole else None)
         return None if self._sums is None else self._sums.take
 
     def after_run(self, run: PreparedRun, result: RunResult) -> Findings:
@@ -131,7 +131,7 @@ class HeatSums:
         self.every, self.sampled_means = max(1, self.steps // SAMPLES), [self._mean(state)]
 
     @classmethod
-    def of(cls, run: PreparedRun, start: State | None) -> "HeatSums | None":
+    def from_run(cls, run: PreparedRun, start: State | None) -> "HeatSums | None":
         """The balance of a run from its first state; None where there is none: without heat, for
         steps of controlled error, runs without their model or resumed (`start` None), large reduced
         models that need residuals of steps (`sampled`), and integrators that are no differences of

@@ -60,7 +60,7 @@ class TimeError(Check):
     _windows: "Windows | None" = None
 
     def on_start(self, run: PreparedRun, state: State, whole: bool) -> OnStep | None:
-        self._windows = Windows.of(run, state.x if whole else None)
+        self._windows = Windows.from_run(run, state.x if whole else None)
         return None if self._windows is None else self._windows.take
 
     def after_run(self, run: PreparedRun, result: RunResult) -> Findings:
@@ -148,7 +148,7 @@ class Windows:
         self.next_states: list[State] = []
 
     @classmethod
-    def of(cls, run: PreparedRun, start: FloatArray | None) -> "Windows | None":
+    def from_run(cls, run: PreparedRun, start: FloatArray | None) -> "Windows | None":
         """The estimate of a run from its first unknowns, None where there is none: for steps of
         controlled error, runs without their model or resumed (`start` None), and where it would
         cost too much."""

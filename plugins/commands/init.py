@@ -79,7 +79,7 @@ def init(
             raise InputError(f"{file} exists: choose another file", "out")
         if not file.absolute().parent.is_dir():
             raise InputError(f"there is no folder {file.parent}", "out")
-        begun = MeshWithSets.of(mesh, scale)
+        begun = MeshWithSets.read(mesh, scale)
         asked = sys.stdin.isatty() and not (as_json or quiet)
         if asked and begun.sets:
             typer.echo(begun.listed)
@@ -119,7 +119,7 @@ class MeshWithSets:
     sets: dict[str, int]
 
     @classmethod
-    def of(cls, path: Path, scale: float | None) -> "MeshWithSets":
+    def read(cls, path: Path, scale: float | None) -> "MeshWithSets":
         """Reads the file. Raises InputError where it cannot be used."""
         plugin: Any = Registry().get("mesh", "file")
         try:

@@ -93,7 +93,8 @@ def enriched(run: PreparedRun, dictionaries: Mapping[str, Dictionary], t: float)
     solver = controlled(scene, model, offline, solver)
     return replace(
         run, solver=solver, estimator=estimator, kept={}, trained_to=None,
-        probes=tuple(ProbeReader.of(p, solver.layout, solver.dictionaries) for p in model.probes),
+        probes=tuple(ProbeReader.at_place(
+            p, solver.layout, solver.dictionaries) for p in model.probes),
         header=replace(run.header, layout=solver.layout, dictionaries=solver.dictionaries,
                        rows=solver.rows, enriched=(*run.header.enriched, t)))
 

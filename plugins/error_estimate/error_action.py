@@ -65,7 +65,7 @@ class ErrorControl(StepControl):
         assert errors is not None
         if steps.recorder.fall_back:  # a run that is resumed after it
             errors.exact = True
-            full = at_full_order(run, Exceeded.of(steps.recorder.fall_back))
+            full = at_full_order(run, Exceeded.read(steps.recorder.fall_back))
             steps.recorder.set_run(full)
             steps.set_run(full, *started(full.solver, run.scene.integrator, run.start))
         else:

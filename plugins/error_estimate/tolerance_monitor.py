@@ -33,7 +33,7 @@ class Exceeded:
     reason: str
 
     @classmethod
-    def of(cls, stored: Mapping[str, str | float]) -> "Exceeded":
+    def read(cls, stored: Mapping[str, str | float]) -> "Exceeded":
         """The reason that a result keeps (`RunHeader.fall_back`)."""
         return cls(float(stored["time"]), str(stored["block"]), str(stored["reason"]))
 
@@ -99,12 +99,12 @@ def at_full_order(run: PreparedRun, why: Exceeded) -> PreparedRun:
     assert model is not None
     # probes, and what checks keep of the reduced model (`kept`), are replaced below
     full = scene.using({"reducer": FULL_ORDER, "probes": {}})
-    offline = Offline.of(model, {})
+    offline = Offline.from_snapshots(model, {})
     solver: StepSolver = full.reducer.prepare(problem_of(full, model, offline))
     solver = controlled(full, model, offline, solver)
     return replace(
         run, solver=solver, kept={}, trained_to=None, notes=(*run.notes, why.note()),
-        probes=tuple(ProbeReader.of(p, solver.layout, {}) for p in model.probes),
+        probes=tuple(ProbeReader.at_place(p, solver.layout, {}) for p in model.probes),
         header=replace(run.header, layout=solver.layout, dictionaries={}, rows={}, fall_back={
             "time": why.t, "block": why.block, "reason": why.reason}))
 

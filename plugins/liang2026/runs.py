@@ -151,16 +151,16 @@ def plan_of(
     """Plan of a study; with `quick`, of the runs of it that items read, `rows`, and with the keys
     that the entry replaces, written to the file `changed`."""
     if not quick:
-        return StudyPlan.of(entry.study)
+        return StudyPlan.read(entry.study)
     if not entry.quick:
-        return StudyPlan.of(entry.study).only(rows)
+        return StudyPlan.read(entry.study).only(rows)
     tree = dict(Source.read(entry.study, Registry(), "study").tree)
     for key, value in entry.quick.items():
         tree[key] = {**tree.get(key, {}), **value} if key in ("set", "grid") else value
     changed.parent.mkdir(parents=True, exist_ok=True)
     write_listed(changed.parent, changed.name,  # JSON is YAML
                  (json.dumps(tree, indent=1) + "\n").encode())
-    return StudyPlan.of(str(changed)).only(rows)
+    return StudyPlan.read(str(changed)).only(rows)
 
 
 def commands_of(file: PaperFile, item: PaperItem, quick: bool) -> list[str]:

@@ -110,7 +110,9 @@ class GreedyRows:
     left: int
 
     @classmethod
-    def of(cls, coordinates: FloatArray, free: BoolArray, m: int, unit: Unit) -> "GreedyRows":
+    def from_coordinates(
+        cls, coordinates: FloatArray, free: BoolArray, m: int, unit: Unit
+    ) -> "GreedyRows":
         node = np.arange(free.size) if unit == "dof" else node_numbers(coordinates)
         return cls(~free, node, m)
 
@@ -203,7 +205,7 @@ class SpanSampler(RowSampler):
         rng: np.random.Generator,
     ) -> IntArray:
         free = free_rows(block.size, m, kept, block.name)
-        rows = GreedyRows.of(block.coordinates, free, m, self.unit)
+        rows = GreedyRows.from_coordinates(block.coordinates, free, m, self.unit)
         self.choose(orthonormal(self._vectors(block, dictionary), block.name), rows, rng)
         return rows.numbers()
 

@@ -44,7 +44,7 @@ class GramExchange:
     gram: FloatArray | None
 
     @classmethod
-    def of(cls, J: FloatArray) -> "GramExchange":
+    def from_matrix(cls, J: FloatArray) -> "GramExchange":
         rows = np.ascontiguousarray(J.T)
         return cls(rows, rows @ rows.T if len(rows) <= LARGEST else None)
 

@@ -63,7 +63,7 @@ class GreedyGaussNewton(SupportNewton):
         return GreedyRecovery(
             self, columns, np.sqrt(np.einsum("ij,ij->j", J, J)), (Group("", 0, k, budget),),
             pseudo_inverse(J, SINGULAR) if everyone else None,
-            None if everyone else GramExchange.of(J))
+            None if everyone else GramExchange.from_matrix(J))
 
     def chooser(self, groups: Sequence[Group], support: BoolArray) -> Choose:
         def choose(linear: Linearised, support: BoolArray, explore: bool) -> Fit | Status:

@@ -196,7 +196,7 @@ class LinearRecovery(SupportNewton):
             raise InputError(refused)
         direct = self.keeps_largest and orthonormal(J)  # the best support without a solve
         return PreparedRecovery(
-            self, J, PreparedColumns.of(J, budget), budget if direct else None)
+            self, J, PreparedColumns.from_matrix(J, budget), budget if direct else None)
 
     def chooser(self, groups: Sequence[Group], support: BoolArray) -> Choose:
         """Choice of the support of each linearisation: recovered again only where the linear
@@ -223,7 +223,7 @@ class LinearRecovery(SupportNewton):
         free = always_active(groups, linear.z.size)
         if fit(linear, free, self.rank_rtol) is None:
             return Support(linear, free, Status.RANK_DEFICIENT)
-        rest = Penalised.of(linear, groups)
+        rest = Penalised.from_linearised(linear, groups)
         active = free.copy()
         if not (rest.A.any() and rest.b.any()):
             return Support(linear, active, Status.DONE)

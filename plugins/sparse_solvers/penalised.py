@@ -41,7 +41,7 @@ class Penalised:
     """Factors of subsets of the columns of A, kept for all right-hand sides with this A."""
 
     @classmethod
-    def of(cls, linear: Linearised, groups: Sequence[Group]) -> "Penalised":
+    def from_linearised(cls, linear: Linearised, groups: Sequence[Group]) -> "Penalised":
         """Penalised part of a linearised problem r + J (z_new - z), with unit columns J, residual r
         and scaled coefficients z; its unpenalised columns must be independent."""
         free = always_active(groups, linear.z.size)
@@ -141,7 +141,7 @@ class PreparedColumns:
     turn: FloatArray | None
 
     @classmethod
-    def of(cls, J: FloatArray, budget: int) -> "PreparedColumns":
+    def from_matrix(cls, J: FloatArray, budget: int) -> "PreparedColumns":
         J = np.array(J)
         J[:, repeated(J)] = 0.0
         turn, A = (None, J) if J.shape[0] <= J.shape[1] else _best_fit(J)

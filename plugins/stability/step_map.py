@@ -44,7 +44,7 @@ class Affine:
     Q: FloatArray
 
     @classmethod
-    def of(
+    def from_step(
         cls, integrator: Integrator, layout: Layout, state: State, h: float, solution: FloatArray
     ) -> "Affine":
         """Map from unit changes of each entry of z = [x; v; a; memory] and of x, which are exact,
@@ -159,7 +159,7 @@ def step_map(
         S = _response_by_some_change(solver, formula, memory, np.flatnonzero(active), scale)
     inner = State(state.t, state.x[active], state.v[active], state.a[active],
                   state.memory[active])
-    part = Affine.of(integrator, small, inner, h, x[active])
+    part = Affine.from_step(integrator, small, inner, h, x[active])
     matrix = part.P + part.Q @ (S @ part.R)
     if not np.isfinite(matrix).all():
         raise SolveFailed(Status.NOT_FINITE, formula.t)

@@ -195,7 +195,8 @@ def survey(
         for v in chosen:
             key = v.scene.digest("integrator", "time")
             if key not in cases:
-                cases[key] = _Case.of(v.scene, *prepared(v.scene, cache or Cache(), manager), plan)
+                cases[key] = _Case.from_scene(
+                    v.scene, *prepared(v.scene, cache or Cache(), manager), plan)
             entry = VariantStability(v.settings, [
                 _finding(v.scene, cases[key], seed) for seed in range(1, plan.seeds + 1)],
                 cases[key].buckled)
@@ -233,9 +234,9 @@ class _Case:
     buckled: tuple[str, ...]
 
     @classmethod
-    def of(cls, scene: Scene, model: Model, offline: Offline, plan: SurveyPlan) -> "_Case":
+    def from_scene(cls, scene: Scene, model: Model, offline: Offline, plan: SurveyPlan) -> "_Case":
         states = _states(scene, model, offline, plan.at)
-        buckled = Checks.of(scene).of_training(scene, model, offline)
+        buckled = Checks.for_scene(scene).of_training(scene, model, offline)
         return cls(model, offline, states, ReferenceModels(model, scene.source.registry),
                    exact_values(model), buckled)
 

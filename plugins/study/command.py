@@ -62,7 +62,7 @@ def study(
     with located_in_settings():
         overrides = parse_settings(settings or ())
     with located_in():
-        plan = StudyPlan.of(file, scene=scene, overrides=overrides)
+        plan = StudyPlan.read(file, scene=scene, overrides=overrides)
     folder = (out or Path("runs", plan.study.name)).absolute()
     if scheduler is not None and scheduler_file is not None:
         leave(["give either --scheduler or --scheduler-file"], BAD_INPUT)

@@ -217,8 +217,9 @@ def completed(scene: Scene, folder: Path) -> RunResult | None:
     if not OutputDirectory(folder).is_result():
         return None
     kept = open_result(folder)
-    same = kept.attributes["scene_digest"] == scene.digest() and not Identity.of(scene).changes(
-        kept.attributes.get("identity", {}))
+    identity = kept.attributes.get("identity", {})
+    same = kept.attributes["scene_digest"] == scene.digest() and not Identity.from_scene(
+        scene).changes(identity)
     return kept if same and kept.summary and kept.status is not Status.INTERRUPTED else None
 
 
@@ -254,7 +255,7 @@ def _reference_key(scene: Scene, model: Model) -> str:
     """Cache key of a reference run: digest of physics and output, versions of code and input files,
     and meshes."""
     return digest(physics_of(scene, "reference").digest(), scene.digest("output"),
-                  Identity.of(scene).plain(), mesh_content(model))
+                  Identity.from_scene(scene).plain(), mesh_content(model))
 
 
 def _remove_damaged(key: str) -> None:

@@ -131,7 +131,7 @@ class StudyPlan:
     drawing: Drawing
 
     @classmethod
-    def of(
+    def read(
         cls, study: str | Path | Mapping[str, Any], registry: Registry | None = None,
         scene: str | Path | Mapping[str, Any] | None = None,
         overrides: Mapping[str, Any] | None = None,
@@ -212,7 +212,7 @@ class _RunBuilder:
             scene = build(source)
             self.fields += scene.field_kinds
             dump = scene.dump()
-            identity = Identity.of(scene)
+            identity = Identity.from_scene(scene)
             self.identities |= {"files": {**self.identities.get("files", {}), **identity.files},
                                 "plugins": {**self.identities.get("plugins", {}),
                                             **identity.plugins}}

@@ -67,7 +67,7 @@ def study(
     include the columns that depend on the machine; progress:
     show it on standard error. Raises InputError before anything is written.
     """
-    plan = StudyPlan.of(file, registry, scene, overrides)
+    plan = StudyPlan.read(file, registry, scene, overrides)
     with progress_display(plan, not progress) as on_progress:
         done = run_plan(plan, out=out, workers=workers, scheduler=scheduler, times=times,
                         registry=registry, on_progress=on_progress)

@@ -199,7 +199,7 @@ def _source_of(
                    f"`sparsemor study {study} double_pendulum`")
         raise LocatedError([Fault("", message)], [message])
     try:
-        contents = dict(made(Subject.of(scene)))
+        contents = dict(made(Subject.from_source(scene)))
     except LocatedError:
         raise
     except InputError as error:

@@ -28,7 +28,7 @@ class Subject:
     model: Model
 
     @classmethod
-    def of(cls, source: Source) -> "Subject":
+    def from_source(cls, source: Source) -> "Subject":
         """The scene of a source. Raises `LocatedError` with the faults of the scene."""
         scene = build(source)
         try:

@@ -88,7 +88,7 @@ class Auto(ReducedStepOptions):
     def left_out(self, problem: ReducedProblem) -> tuple[str, ...]:
         """Temperatures that do not change, and displacements below 1e-9 of the size of the
         body."""
-        ref = TrainingReference.of(problem, self.learning)
+        ref = TrainingReference.from_problem(problem, self.learning)
         found = []
         for name in problem.model.reducible():
             data = problem.model.block_data(name)
@@ -140,7 +140,7 @@ class Search:
 
     def __init__(self, auto: Auto, problem: ReducedProblem) -> None:
         self.auto, self.problem = auto, problem
-        self.ref = TrainingReference.of(problem, auto.learning)
+        self.ref = TrainingReference.from_problem(problem, auto.learning)
         self.trials: list[TrialRun] = []
         self.last: tuple[StepSolver, Sequence[State]] | None = None  # of the last trial run
         self.heat: dict[str, str] = {}  # elastic block -> thermal block of its body

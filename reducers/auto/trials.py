@@ -48,7 +48,7 @@ class TrainingReference:
     first: int
 
     @classmethod
-    def of(cls, problem: ReducedProblem, learning: float) -> "TrainingReference":
+    def from_problem(cls, problem: ReducedProblem, learning: float) -> "TrainingReference":
         """Reference for bases that learn from the share `learning` of the snapshots."""
         model, taken = problem.model, problem.offline.recording
         count, scales, constant = 0, {}, set()

@@ -44,7 +44,7 @@ class BorderedModes:
     factor: Factor | None
 
     @classmethod
-    def of(
+    def at_state(
         cls, equations: Reduced, spaces: Mapping[str, ErrorSpace], x: FloatArray, v: FloatArray,
         a: FloatArray, t: float, c1: float, c2: float, c1_first: float
     ) -> "BorderedModes":

@@ -250,7 +250,7 @@ class CoupledErrors:
         equations, rates = self.equations, (formula.c1, formula.c2, formula.c1_first)
         if not self.varying:
             spaces = {b.name: b.space for b in self.spaces}
-            return BorderedModes.of(equations, spaces, at.x, at.v, at.a, at.t, *rates)
+            return BorderedModes.at_state(equations, spaces, at.x, at.v, at.a, at.t, *rates)
         c1, c2 = rate_factors(equations.layout, *rates)
         return equations.factorize(equations.slope(at.x, at.v, at.a, at.t, c1, c2))
 

@@ -129,7 +129,7 @@ class _ErrorSystems:
         for b in self.model.separated.heat:
             test = add(b.thermal, self._heat_space(b))
             heat[b.thermal] = ProjectedBlock(
-                operators=ProjectedHeat.of(b, dictionaries[b.thermal], test),
+                operators=ProjectedHeat.from_operators(b, dictionaries[b.thermal], test),
                 left=np.eye(spaces[b.thermal].size), forces=test)  # rows as they are
         for m in self.model.separated.moving:
             if m.operators is None:
@@ -146,7 +146,7 @@ class _ErrorSystems:
                     ESTIMATE_STEPS))
             test = add(m.elastic, self._elastic_space(
                 m, np.zeros((0, 0)) if warm is None else warm.modes))
-            operators = ProjectedElastic.of(
+            operators = ProjectedElastic.from_operators(
                 replace(m.operators, local=()), m.frame, dictionaries[m.elastic],
                 dictionaries.get(m.thermal), test)
             elastic[m.elastic] = ProjectedBlock(
@@ -185,7 +185,7 @@ class _ErrorSystems:
         d = self.dictionary(name)
         if self._spanned(name).atoms.shape == d.atoms.shape:
             return None
-        return Projected.of(d.atoms, space)
+        return Projected.from_atoms(d.atoms, space)
 
     def _heat_space(self, b: HeatBody) -> ErrorSpace:
         """Space of the errors of temperatures."""
@@ -235,8 +235,9 @@ class _Coordinates:
     def heat(self, b: HeatBody) -> BlockErrors:
         """Error equation of temperatures."""
         name = b.thermal
-        operators = ProjectedHeat.of(b, self.bases[name], TestMap(left=self.spaces[name].modes.T))
-        return self._block(name, HeatResidual.of(self.layout[name], operators))
+        operators = ProjectedHeat.from_operators(
+            b, self.bases[name], TestMap(left=self.spaces[name].modes.T))
+        return self._block(name, HeatResidual.from_operators(self.layout[name], operators))
 
     def elastic(self, m: MovingBody) -> BlockErrors:
         """Error equation of displacements, loaded by the errors of the body's temperatures."""
@@ -244,7 +245,7 @@ class _Coordinates:
         name, o, layout = m.elastic, m.operators, self.layout
         space, warm = self.spaces[name], self.spaces.get(m.thermal)
         test = TestMap(left=space.modes.T)
-        operators = ProjectedElastic.of(
+        operators = ProjectedElastic.from_operators(
             o, m.frame, self.bases[name], self.bases.get(m.thermal), test, rigid=False)
         step = BodyStep(
             m.name, operators.frame, m.to_border, m.origin, elastic=layout[name],
@@ -257,7 +258,7 @@ class _Coordinates:
             self.build.notes.append(information(
                 f"the damping of {name} couples its eigenmodes, by {space.coupled:.1e} of its "
                 "size, which the estimate of its error leaves out", "estimate_damping"))
-        return self._block(name, ElasticResidual.of(step, operators), m.thermal, warmth)
+        return self._block(name, ElasticResidual.from_operators(step, operators), m.thermal, warmth)
 
     def _block(
         self, name: str, residual: HeatResidual | ElasticResidual, heat: str = "",

@@ -47,7 +47,7 @@ class Operators:
     damping_force: Callable[[FloatArray], FloatArray] | None = None
 
     @classmethod
-    def of(cls, source: HeatBody | ElasticOperators) -> "Operators":
+    def from_body(cls, source: HeatBody | ElasticOperators) -> "Operators":
         if isinstance(source, HeatBody):
             return cls(source.conductivity, source.capacity, None)
         return cls(source.stiffness, source.damping, source.mass, source.damping_force)

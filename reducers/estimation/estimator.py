@@ -213,7 +213,7 @@ class ErrorModel:
 def _steps_of(rule: UpdateRule, blocks: Sequence[BlockErrors]) -> ModalSteps:
     """Steps of the modes of several blocks of one order, one block after the other."""
     none, spaces = np.zeros(0), [b.space for b in blocks]
-    return ModalSteps.of(
+    return ModalSteps.from_rule(
         rule, stiffness=np.concatenate([none, *(s.stiffness for s in spaces)]),
         damping=np.concatenate([none, *(s.damping for s in spaces)]),
         mass=np.concatenate([none, *(s.mass for s in spaces)]))

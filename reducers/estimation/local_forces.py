@@ -56,7 +56,7 @@ class ElementForces:
     def tangent_of_heat(self, b: HeatBody) -> Operators:
         """Operators of a thermal block with the tangent of its local terms at the state in the
         middle of training: dr/dT adds to the conductivity, dr/dT' to the capacity."""
-        constant = Operators.of(b)
+        constant = Operators.from_body(b)
         if not b.local:
             return constant
         T, start = self._states(b.thermal), self.model.layout[b.thermal].start
@@ -97,7 +97,7 @@ class ElementForces:
         """Operators of an elastic block with the tangent of its local terms, by displacements
         alone, at the state in the middle of training."""
         assert m.operators is not None
-        constant, (u, T) = Operators.of(m.operators), self._displacements_and_temperatures(m)
+        constant, (u, T) = Operators.from_body(m.operators), self._displacements_and_temperatures(m)
         K, i = constant.stiffness, u.shape[1] // 2
         for part in m.operators.local:
             x = _read(part, u[:, i], T[:, i])

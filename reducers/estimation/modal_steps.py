@@ -39,7 +39,7 @@ class ModalSteps:
     load: FloatArray
 
     @classmethod
-    def of(
+    def from_rule(
         cls, rule: UpdateRule, stiffness: FloatArray, damping: FloatArray, mass: FloatArray
     ) -> "ModalSteps":
         """Steps of modes with stiffness k, damping d and mass m, (q,) each; m = 0 for first-order

@@ -62,7 +62,7 @@ class Projected:
     inverse: FloatArray
 
     @classmethod
-    def of(cls, atoms: FloatArray, space: ErrorSpace) -> "Projected":
+    def from_atoms(cls, atoms: FloatArray, space: ErrorSpace) -> "Projected":
         """Projection of states in atoms (n, k). The columns of modes norm^-1 are orthonormal,
         because |modes x| = |norm x|."""
         orthonormal = np.linalg.solve(space.norm.T, space.modes.T)

@@ -34,7 +34,7 @@ class HeatResidual:
     loads: LoadsInTime
 
     @classmethod
-    def of(cls, at: slice, b: ProjectedHeat) -> "HeatResidual":
+    def from_operators(cls, at: slice, b: ProjectedHeat) -> "HeatResidual":
         return cls(at, np.ascontiguousarray(np.hstack([b.conductivity, b.capacity]).T),
                    LoadsInTime(b.constant, b.loads, tuple(b.amplitudes), tuple(b.tables)))
 
@@ -59,7 +59,7 @@ class ElasticResidual:
     loads: LoadsInTime
 
     @classmethod
-    def of(cls, step: BodyStep, b: ProjectedElastic) -> "ElasticResidual":
+    def from_operators(cls, step: BodyStep, b: ProjectedElastic) -> "ElasticResidual":
         columns = [b.stiffness, b.damping, b.mass, *b.generators, b.directions, -b.coupling]
         # to be subtracted; `constant` is on the left-hand side (`ProjectedElastic`)
         loads = LoadsInTime(-b.constant, b.loads, tuple(b.amplitudes), tuple(b.tables))

@@ -76,7 +76,7 @@ class FullBody:
     coarse: CoarseCorrection | None = None
 
     @classmethod
-    def of(
+    def from_operators(
         cls, step: BodyStep, ops: ElasticOperators, factor: Factorized,
         frame_factors: TimeTable | None = None
     ) -> "FullBody":
@@ -90,7 +90,7 @@ class FullBody:
         G, P = vstack(ops.generators).tocsr() if ops.generators else None, ops.directions
         if frame_factors is not None:
             return cls(step, ops, factor, G, E=None, noise=noise, frame_factors=frame_factors,
-                       coarse=CoarseCorrection.of(ops, factor, name))
+                       coarse=CoarseCorrection.from_operators(ops, factor, name))
         E = solve_or_fail(factor, P, name) if P.size else P
         return cls(step, ops, factor, G, E, noise)
 

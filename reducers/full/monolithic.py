@@ -38,7 +38,7 @@ class Summed(WholeEquations):
     checks: tuple[Checked, ...] = ()
 
     @classmethod
-    def of(cls, model: AssembledModel, price: int) -> "Summed":
+    def from_model(cls, model: AssembledModel, price: int) -> "Summed":
         """The whole model, with the matrices of its linear terms assembled once. price: cost of a
         new Jacobian in iterations with the old one, 0 for a new one in each."""
         layout, n = model.layout, model.layout.size

@@ -74,7 +74,7 @@ class Full(StepOptions):
                 continue
             D = o.stiffness + c1 * o.damping + c2 * o.mass
             driven = not m.to_border.any()  # its motion is prescribed
-            bodies.append(FullBody.of(
+            bodies.append(FullBody.from_operators(
                 step, o, model.factorize(m.elastic, D),
                 PrescribedFactors.table(step, m) if driven else None))
             done += 1
@@ -83,13 +83,13 @@ class Full(StepOptions):
         made = replace(made, mechanics=LoopMechanics(equations, tol), factorizations=done,
                        full_heat=heat, loop=Loop(model.layout, tol), iterative=equations.iterates)
         if not made.iterative:  # chosen where a factor is too large
-            made = replace(made, newton=WholeNewton(lambda: Summed.of(model, PRICE), tol))
+            made = replace(made, newton=WholeNewton(lambda: Summed.from_model(model, PRICE), tol))
         return compilable(made, self.compiled)
 
     def _whole(self, model: AssembledModel, price: int, why: str) -> WholeStepper:
         """Newton solver for all unknowns together; price: see `StepEquations`; why: the reason, for
         notes."""
         return WholeStepper(
-            Summed.of(model, price), Loop(model.layout, self.tolerances),
+            Summed.from_model(model, price), Loop(model.layout, self.tolerances),
             elements(model, model.terms, [t.rows for t in model.terms]), self.predictor,
             notes=whole_step_notes(model, why))

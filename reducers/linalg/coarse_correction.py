@@ -42,7 +42,9 @@ class CoarseCorrection:
     contraction: float
 
     @classmethod
-    def of(cls, ops: ElasticOperators, factor: Factorized, block: str) -> "CoarseCorrection":
+    def from_operators(
+        cls, ops: ElasticOperators, factor: Factorized, block: str
+    ) -> "CoarseCorrection":
         """Coarse space of an elastic block by subspace iteration with the factorized operator D.
 
         Raises SolveFailed, naming the block, where the linear solver does not converge or the

@@ -185,7 +185,7 @@ class Projection:
 
         for b in model.separated.heat:
             m = mapped(b.thermal, b)
-            th = ProjectedHeat.of(b, dictionaries[b.thermal], m.test, m.force)
+            th = ProjectedHeat.from_operators(b, dictionaries[b.thermal], m.test, m.force)
             th = th.in_modes() if b.thermal in modes else th
             left = left_inverse(b.thermal, th.block(c1_first))
             heat[b.thermal] = ProjectedBlock(operators=th, left=left, forces=m.forces)
@@ -193,7 +193,7 @@ class Projection:
             if body.operators is None:
                 continue
             n, m = body.elastic, mapped(body.elastic, body)
-            te = ProjectedElastic.of(
+            te = ProjectedElastic.from_operators(
                 body.operators, body.frame, dictionaries[n], dictionaries.get(body.thermal),
                 m.test, m.force, rigid=model.separated.rigid_equations)
             te = te.in_modes() if n in modes else te
@@ -231,7 +231,7 @@ def block_wise(
         local = local_terms(model, b, projected.dictionaries[n], projected.force_map(n)) if (
             b.local) else []
         assert p.left is not None
-        heat[n] = CompressedHeat.of(
+        heat[n] = CompressedHeat.from_operators(
             p.operators, p.left, None, c1_first, tolerances, local)  # all atoms
     force_maps = {c.rows: projected.force_map(c.rows) for c in model.separated.couplings}
     made = stepper(

@@ -59,7 +59,7 @@ class BlockRows(NamedTuple):
     columns: RangeColumns
 
     @classmethod
-    def of(cls, s: SampledHeat | SampledElastic, residual: Reduced) -> "BlockRows":
+    def from_block(cls, s: SampledHeat | SampledElastic, residual: Reduced) -> "BlockRows":
         name = s.block.name
         return cls(name, residual.layout[name], residual.rows[name], s.block.budget, s.columns)
 
@@ -76,7 +76,7 @@ class BlockSelection:
     tolerance: float
 
     @classmethod
-    def of(
+    def from_rows(
         cls, rows: BlockRows, solver: SparseSolver, tolerance: float = 0.0
     ) -> "BlockSelection":
         columns = rows.columns
@@ -215,14 +215,14 @@ class BlockwiseSelection(AtomSelection):
     distinguishable: dict[str, BoolArray]
 
     @classmethod
-    def of(
+    def from_steps(
         cls, steps: SupportedSteps, solver: SparseSolver, hysteresis: float, carried: bool,
         settled: float,
     ) -> "BlockwiseSelection":
         """settled: tolerance of every block."""
         residual = steps.mechanics.sampled.all_rows.rows
         thermal, elastic = ([
-            BlockSelection.of(BlockRows.of(s, residual), solver, settled)
+            BlockSelection.from_rows(BlockRows.from_block(s, residual), solver, settled)
             for s in blocks.values()] for blocks in (steps.heat, steps.elastic))
         return cls(steps, hysteresis, thermal, elastic, carried,
                    {b.rows.name: b.distinguishable for b in (*thermal, *elastic)})

@@ -97,7 +97,7 @@ class RangeColumns:
     unit: ColumnSubsets
 
     @classmethod
-    def of(cls, name: str, B: FloatArray) -> "RangeColumns":
+    def from_matrix(cls, name: str, B: FloatArray) -> "RangeColumns":
         size = np.sqrt(squares(B))
         lengths = np.where(size > 0.0, size, 1.0)
         return cls(name, B, lengths, ColumnSubsets(np.ascontiguousarray(B / lengths), SAMPLED_RTOL))
@@ -139,16 +139,17 @@ class SampledElastic(SampledBlock[ProjectedElastic]):
     columns: the first rows of the compressed B, in the others it is zero."""
 
     @classmethod
-    def of(cls, block: Sampled, operators: ProjectedElastic) -> "SampledElastic":
+    def from_operators(cls, block: Sampled, operators: ProjectedElastic) -> "SampledElastic":
         """A sampled elastic block, its rows compressed where atoms are selected."""
         if not block.selects:
             return cls(block, operators, compressed=(operators, block.B),
-                       columns=RangeColumns.of(block.name, block.B), basis=None)
+                       columns=RangeColumns.from_matrix(block.name, block.B), basis=None)
         c = compact(operators, block.B, elastic_columns(operators))
         t, B = c.operators, c.B
         if c.reach == len(B):  # few active columns of all rows are read in each step
             t, B = t.by_columns(), np.asfortranarray(B)
-        return cls(block, operators, (t, B), RangeColumns.of(block.name, B[: c.reach]), c.basis)
+        columns = RangeColumns.from_matrix(block.name, B[: c.reach])
+        return cls(block, operators, (t, B), columns, c.basis)
 
     @property
     def forces(self) -> TestMap | None:
@@ -181,7 +182,7 @@ class SampledHeat(SampledBlock[ProjectedHeat]):
     tolerances: Tolerances
 
     @classmethod
-    def of(
+    def from_operators(
         cls, block: Sampled, operators: ProjectedHeat, model: AssembledModel, body: HeatBody,
         c1: float, tolerances: Tolerances,
     ) -> "SampledHeat":
@@ -190,7 +191,7 @@ class SampledHeat(SampledBlock[ProjectedHeat]):
         m sampled rows; c1: factor of rates in a step."""
         if not block.selects:
             return cls(block, operators, compressed=(operators, block.B),
-                       columns=RangeColumns.of(block.name, block.B), basis=None,
+                       columns=RangeColumns.from_matrix(block.name, block.B), basis=None,
                        range_rows=operators, model=model, body=body, c1=c1, tolerances=tolerances)
         # the span of local terms is not known: as many compressed rows as sampled ones
         c = compact(operators, block.B, (
@@ -198,7 +199,7 @@ class SampledHeat(SampledBlock[ProjectedHeat]):
         in_range = np.arange(c.reach)  # rows in which B is not zero
         return cls(
             block, operators, compressed=(c.operators, c.B),
-            columns=RangeColumns.of(block.name, c.B[in_range]), basis=c.basis,
+            columns=RangeColumns.from_matrix(block.name, c.B[in_range]), basis=c.basis,
             range_rows=c.operators.through(TestMap(in_range)), model=model, body=body, c1=c1,
             tolerances=tolerances)
 
@@ -215,7 +216,7 @@ class SampledHeat(SampledBlock[ProjectedHeat]):
         rows = inverse if self.basis is None else inverse @ self.basis[:, : inverse.shape[1]].T
         local = local_terms(self.model, self.body, self.block.dictionary, self.block.on_all_rows(
             rows)) if self.body.local else []
-        return CompressedHeat.of(
+        return CompressedHeat.from_operators(
             self.range_rows, inverse, support, self.c1, self.tolerances, local)
 
 
@@ -348,7 +349,7 @@ class CompressedRows(NamedTuple):
     B: FloatArray
 
     @classmethod
-    def of(
+    def from_atoms(
         cls, model: AssembledModel, offline: OfflineProducts, name: str, step: StepFactors,
         atoms: FloatArray, changing: bool
     ) -> "CompressedRows":

@@ -87,11 +87,11 @@ class Whole:
     elastic: Mapping[str, ProjectedElastic]
 
     @classmethod
-    def of(cls, model: AssembledModel, dictionaries: Mapping[str, Dictionary]) -> "Whole":
+    def from_model(cls, model: AssembledModel, dictionaries: Mapping[str, Dictionary]) -> "Whole":
         """Projection of all rows; a row set is then taken from its (n, k) matrices."""
-        heat = {b.thermal: ProjectedHeat.of(b, dictionaries[b.thermal], TestMap())
+        heat = {b.thermal: ProjectedHeat.from_operators(b, dictionaries[b.thermal], TestMap())
                 for b in model.separated.heat}
-        elastic = {m.elastic: ProjectedElastic.of(
+        elastic = {m.elastic: ProjectedElastic.from_operators(
             m.operators, m.frame, dictionaries[m.elastic], dictionaries.get(m.thermal), TestMap(),
             rigid=model.separated.rigid_equations)
             for m in model.separated.moving if m.operators is not None}
@@ -144,10 +144,10 @@ class Build:
             if source is not None:
                 th = source.heat[n].through(TestMap(rows[n]))
             else:
-                th = ProjectedHeat.of(b, self.dictionaries[n], maps[n])
+                th = ProjectedHeat.from_operators(b, self.dictionaries[n], maps[n])
             block, facts[n] = self._block(n, th.block(c1_first), maps[n], rows.get(n), notes)
             th = th.through(TestMap(left=block.weight))
-            heat[n] = SampledHeat.of(
+            heat[n] = SampledHeat.from_operators(
                 block, th, self.model, b, c1_first, self.options.tolerances)
         for m in self.model.separated.moving:
             if m.operators is None:
@@ -157,11 +157,12 @@ class Build:
             if source is not None:
                 te = source.elastic[n].through(TestMap(rows[n]))
             else:
-                te = ProjectedElastic.of(
+                te = ProjectedElastic.from_operators(
                     m.operators, m.frame, self.dictionaries[n], self.dictionaries.get(m.thermal),
                     maps[n], rigid=self.model.separated.rigid_equations)
             block, facts[n] = self._block(n, te.block(c1, c2), maps[n], rows.get(n), notes)
-            elastic[n] = SampledElastic.of(block, te.through(TestMap(left=block.weight)))
+            elastic[n] = SampledElastic.from_operators(
+                block, te.through(TestMap(left=block.weight)))
         sampled = [*(h.block for h in heat.values()), *(e.block for e in elastic.values())]
         selecting = {block.name for block in sampled if block.selects}
         # terms between blocks: all unknowns together, where no atoms can be selected
@@ -319,7 +320,7 @@ class Build:
         gain = o.least_gain(not {*selecting, *selecting_heat} <= self.inverted)
         carried = frozenset(n for n in steps.empty if o.carries(n))
         selection = (
-            BlockwiseSelection.of(steps, o.solver, gain, bool(carried), o.settled)
+            BlockwiseSelection.from_steps(steps, o.solver, gain, bool(carried), o.settled)
             if o.selection == "blocks" else
             JointSelection(steps, gain, o.solver, carried, o.polish))
         return SparseStepper(steps.base, steps, selection, o.every)
@@ -382,7 +383,7 @@ def step_solver(options: SparseOptions, problem: ReducedProblem) -> StepSolver:
     # further draws take as many rows as the first
     counts = {n: len(r) - required_rows(model, n, drawn[n]) for n, r in rows.items()}
     local, atoms = own_terms(model), {n: d.atoms for n, d in dictionaries.items()}
-    compressed = {n: CompressedRows.of(
+    compressed = {n: CompressedRows.from_atoms(
         model, offline, n, step, atoms[n], changing=n in local and n not in heat)
         for n in sorted(inverted) if n not in rows}
     effects = {n: effect_of_rows(model, offline, n, step, atoms[n], rows[n])
@@ -436,7 +437,7 @@ def _resampled(
     `row_sets` row sets used in turn, or (None) with new rows in each draw; later: random streams of
     the further draws."""
     assert options.resample is not None
-    whole = Whole.of(build.model, build.dictionaries)
+    whole = Whole.from_model(build.model, build.dictionaries)
     first = build.solver(rows, whole)
     if options.row_sets is None:
         online = replace(build, offline=None)

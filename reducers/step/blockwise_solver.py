@@ -373,7 +373,8 @@ def stepper(
     for name, limit in (limits or {}).items():
         sanity[layout[name]] = 1.0 / limit
     separated, known = model.separated, operators or {}
-    bodies = tuple(BodyStep.of(m, layout, known[m.elastic].frame if m.elastic in known else None)
+    bodies = tuple(BodyStep.from_body(
+        m, layout, known[m.elastic].frame if m.elastic in known else None)
                    for m in separated.moving)
     system = Mechanics(bodies, n_rigid=layout.frames.stop, algebraic=layout.algebraic,
                        targets=tuple(separated.border_targets), h=separated.step)

@@ -180,7 +180,7 @@ def _bodies(projected: ProjectedModel, ahead: bool) -> list[BodyRows]:
     for m in projected.model.separated.moving:
         block = projected.elastic.get(m.elastic)
         operators = None if block is None else block.solved
-        step = BodyStep.of(m, layout, None if operators is None else operators.frame)
+        step = BodyStep.from_body(m, layout, None if operators is None else operators.frame)
         factors = PrescribedFactors.table(step, m, ahead) if (
             prescribed and operators is not None) else None
         found.append(BodyRows(step, operators, factors))

@@ -45,7 +45,7 @@ class BodyStep:
     guide: FrameHistory | None = None
 
     @classmethod
-    def of(cls, body: MovingBody, layout: Layout, frame: Frame | None = None) -> "BodyStep":
+    def from_body(cls, body: MovingBody, layout: Layout, frame: Frame | None = None) -> "BodyStep":
         """A body with the layout of a step; frame: its frame, if not that of full order."""
         none = slice(0, 0)
         return cls(
@@ -131,7 +131,7 @@ class PrescribedFactors:
             times = body.guide.times
         elif ahead and body.operators is not None and body.operators.tables:
             times = body.operators.tables[0].table.times
-        return TimeTable.of(cls(step), times)
+        return TimeTable.tabulate(cls(step), times)
 
     def __call__(self, times: FloatArray) -> FloatArray:
         frame = self.body.frame

@@ -74,7 +74,8 @@ class PrescribedBody:
         for i, A in enumerate(operators.generators):
             below, right = float(np.linalg.norm(A[r:])), float(np.linalg.norm(A[:r, r:]))
             self.sizes[i] = np.linalg.norm(A[:r, :r]), hypot(below, right)
-        self.table = table or TimeTable.of(RowsInTime(operators, factors), np.array(factors.times))
+        self.table = table or TimeTable.tabulate(
+            RowsInTime(operators, factors), np.array(factors.times))
 
     weights: FloatArray
     guess: FloatArray

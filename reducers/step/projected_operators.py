@@ -84,7 +84,7 @@ class ProjectedLocal:
     left: FloatArray | None = None
 
     @classmethod
-    def of(
+    def from_term(
         cls, local: ElasticLocal, atoms: Dictionary, heat: Dictionary | None, test: TestMap
     ) -> "ProjectedLocal":
         """Projection of a local term of a block with n unknowns and k atoms; heat: dictionary of
@@ -152,7 +152,7 @@ class ProjectedElastic:
     local: tuple[ProjectedLocal, ...] = ()
 
     @classmethod
-    def of(
+    def from_operators(
         cls, ops: ElasticOperators, frame: Frame, atoms: Dictionary, heat: Dictionary | None,
         test: TestMap, force: TestMap | None = None, rigid: bool = True,
     ) -> "ProjectedElastic":
@@ -198,7 +198,8 @@ class ProjectedElastic:
             loads=np.asarray(force_map(ops.loads)), constant=np.asarray(constant),
             quadratic=quadratic, functional=P.T @ T, amplitudes=ops.amplitudes,
             tables=projected_tables(ops.tables, force_map),
-            local=tuple(ProjectedLocal.of(part, atoms, heat, force_map) for part in ops.local),
+            local=tuple(ProjectedLocal.from_term(
+                part, atoms, heat, force_map) for part in ops.local),
         )
 
     def in_modes(self) -> "ProjectedElastic":
@@ -264,7 +265,7 @@ class ProjectedHeat:
     tables: tuple[Table, ...] = ()
 
     @classmethod
-    def of(
+    def from_operators(
         cls, heat: HeatBody, atoms: Dictionary, test: TestMap, force: TestMap | None = None
     ) -> "ProjectedHeat":
         """Projection of full-order thermal operators; force: test map of the forces, `test` if

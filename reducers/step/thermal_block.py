@@ -131,7 +131,7 @@ class CompressedHeat:
         return sum(term.elements for term in self.local)
 
     @classmethod
-    def of(
+    def from_operators(
         cls, b: ProjectedHeat, left: FloatArray, support: IntArray | None, c1: float,
         tolerances: Tolerances, local: Sequence[ReducedTerm] = (),
     ) -> "CompressedHeat":

@@ -37,7 +37,7 @@ class TimeTable:
     """The last time that is not in the table, and the values there."""
 
     @classmethod
-    def of(
+    def tabulate(
         cls, source: Source, times: FloatArray,
         single: Callable[[float], FloatArray] | None = None,
     ) -> "TimeTable":
@@ -56,7 +56,7 @@ class TimeTable:
 
     @classmethod
     def of_parts(cls, *parts: Any) -> "TimeTable":
-        return cls.of(*parts)
+        return cls.tabulate(*parts)
 
     def at(self, t: float) -> FloatArray:
         """Values (m,) at time t, s: a row of the table, the last value computed, or a new one,
@@ -191,7 +191,7 @@ class LoadsInTime:
 
     def table(self, times: FloatArray) -> TimeTable:
         """These values tabulated at the times (T,), s."""
-        return TimeTable.of(self, times, self.at)
+        return TimeTable.tabulate(self, times, self.at)
 
     def less(self, fixed: FloatArray) -> "LoadsInTime":
         """These values less constant ones (s,)."""

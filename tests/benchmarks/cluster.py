@@ -80,7 +80,7 @@ def main() -> None:
     for name, value in (("runs", 1000), ("workers", 4), ("kills", 10)):
         parser.add_argument(f"--{name}", type=int, default=value)
     given = parser.parse_args()
-    plan = StudyPlan.of(study_of(given.runs))
+    plan = StudyPlan.read(study_of(given.runs))
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         with cluster(folder, given.workers) as (file, processes):

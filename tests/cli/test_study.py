@@ -133,7 +133,7 @@ def test_force_begins_anew_and_replaces_studies_only() -> None:
     study("one.yaml", out="a")
     Path("one.yaml").write_text(STUDY.replace("[2, 4, 6]", "[4]"))
     assert "--out: " in ran("one.yaml", "--out", "a", code=2).stderr
-    plan = StudyPlan.of("one.yaml")
+    plan = StudyPlan.read("one.yaml")
     run_plan(plan, out="a", force=True)
     assert [r["reducer.basis.count"] for r in rows_of("a")] == [4, 4]
     assert not {".replaced", LOCK} & {p.name for p in Path("a").iterdir()}
@@ -153,9 +153,9 @@ def test_force_keeps_the_earlier_table_until_the_new_one_stands() -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run_plan(StudyPlan.of("one.yaml"), out="a", force=True, on_progress=interrupt)
+        run_plan(StudyPlan.read("one.yaml"), out="a", force=True, on_progress=interrupt)
     assert [r["run"] for r in rows_of("a/.replaced")] == [r["run"] for r in earlier]
-    run_plan(StudyPlan.of("one.yaml"), out="a")
+    run_plan(StudyPlan.read("one.yaml"), out="a")
     assert [r["reducer.basis.count"] for r in rows_of("a")] == [4, 4]
     assert not Path("a/.replaced").exists()
 
@@ -166,10 +166,10 @@ def test_one_study_at_a_time_in_a_folder() -> None:
 
     def second(*_: object) -> None:
         with pytest.raises(InputError, match="another run is writing to") as error:
-            contextvars.Context().run(run_plan, StudyPlan.of("one.yaml"), out="a", force=True)
+            contextvars.Context().run(run_plan, StudyPlan.read("one.yaml"), out="a", force=True)
         found.append(str(error.value))
 
-    run_plan(StudyPlan.of("one.yaml"), out="a", on_progress=second)
+    run_plan(StudyPlan.read("one.yaml"), out="a", on_progress=second)
     assert found and [r["reducer.basis.count"] for r in rows_of("a")] == [2, 2]
 
 

@@ -42,7 +42,7 @@ def test_the_tables_of_the_pages_are_those_of_the_studies() -> None:
 @pytest.mark.full
 @pytest.mark.parametrize("name", STUDIES)
 def test_every_packaged_study_plans_and_has_the_table_of_all_its_runs(name: str) -> None:
-    plan = StudyPlan.of(STUDIES[name])
+    plan = StudyPlan.read(STUDIES[name])
     assert not any(run.refused for run in plan.runs)
     with (DOCS / "measured" / "studies" / f"{name}.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
@@ -60,7 +60,7 @@ to 1e-11."""
     ("brake_methods", 5)])
 def test_a_row_of_a_table_comes_out_again(name: str, number: int) -> None:
     """To one percent, but for one row that turns with the kernels the processor gets."""
-    run = StudyPlan.of(STUDIES[name]).runs[number - 1]
+    run = StudyPlan.read(STUDIES[name]).runs[number - 1]
     assert run.scene is not None
     scene = scene_of(run.scene)
     errors = compare(reference=simulate(scene.using({"reducer": "full"})),

@@ -31,7 +31,7 @@ def test_a_cube() -> None:
     x, y, z = np.eye(3)
     faces = [face(0 * x, x, y, 2), face(z, y, x, 2), face(0 * x, y, z, 2), face(x, z, y, 2),
              face(0 * x, z, x, 2), face(y, x, z, 2)]
-    F = exchange_areas(Facets.of(np.concatenate(faces)), np.repeat(np.arange(6), 8), 0)
+    F = exchange_areas(Facets.from_corners(np.concatenate(faces)), np.repeat(np.arange(6), 8), 0)
     assert F[0, 1] == pytest.approx(0.199825, abs=1e-6)
     assert F[0, 2] == pytest.approx(0.2000437, abs=1e-6)
     assert np.allclose(F.sum(axis=1), 1.0, atol=1e-5) and np.allclose(F, F.T, atol=1e-12)
@@ -46,10 +46,10 @@ def test_plates_and_a_wall_between() -> None:
     """Plates of width and distance 1 in the plane: sqrt(2) - 1; a wall of the half width in the
     middle between them leaves what crossed strings around it give."""
     plates = [segments([1, 0], [0, 0], 8), segments([0, 1], [1, 1], 8)]
-    S = exchange_areas(Facets.of(np.concatenate(plates)), np.repeat([0, 1], 8), 0)
+    S = exchange_areas(Facets.from_corners(np.concatenate(plates)), np.repeat([0, 1], 8), 0)
     assert S[0, 1] == pytest.approx(np.sqrt(2) - 1, rel=1e-12)
     wall = [segments([0.0, 0.5], [0.5, 0.5], 4), segments([0.5, 0.5], [0.0, 0.5], 4)]
-    S = exchange_areas(Facets.of(np.concatenate([*plates, *wall])),
+    S = exchange_areas(Facets.from_corners(np.concatenate([*plates, *wall])),
                        np.concatenate([np.arange(16), np.full(8, 16)]), 0)
     # strings: straight ones of 1 on the right, around the wall's end on the left
     want = 0.5 * (2 * np.sqrt(2) - 1 - 2 * np.hypot(0.5, 0.5))
@@ -78,7 +78,7 @@ def test_concentric_spheres() -> None:
     """F_12 = 1, F_21 = (r_1 / r_2)^2, F_22 = 1 - F_21, with the
     areas of the polyhedra."""
     one, two = sphere(0.5, 1, False), sphere(1.0, 2, True)
-    facets = Facets.of(np.concatenate([one, two]))
+    facets = Facets.from_corners(np.concatenate([one, two]))
     patch = np.concatenate([np.arange(len(one)) // 4, len(one) // 4 + np.arange(len(two)) // 16])
     S, k = exchange_areas(facets, patch, 0), len(one) // 4
     A = np.bincount(patch, facets.areas)

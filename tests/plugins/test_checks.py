@@ -91,4 +91,4 @@ def test_another_class_is_refused(distribute: Any) -> None:
     distribute("odd-pkg", {"check": {"odd": "odd_check:Other"}}, odd_check=(
         "from sparsemor.core import Plugin\nclass Other(Plugin):\n    'Nothing.'\n"))
     with pytest.raises(InputError, match="odd_check:Other is no sparsemor.core.Check"):
-        Checks.of(tiny())
+        Checks.for_scene(tiny())

@@ -33,7 +33,7 @@ def states(run: March) -> list[State]:
 def model_of(scene: Scene, run: March, every: int = 1) -> ErrorModel | CoupledErrors:
     """Error model for the steps of a reduced run of `scene`."""
     problem = ReducedProblem(
-        run.model, scene.integrator, scene.time.step, Offline.of(run.model, {}),
+        run.model, scene.integrator, scene.time.step, Offline.from_snapshots(run.model, {}),
         np.random.default_rng(0))
     reducer = scene.reducer
     assert isinstance(reducer, ReducedStepOptions)

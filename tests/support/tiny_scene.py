@@ -26,6 +26,7 @@ def snapshots() -> dict[str, FloatArray]:
 
 def prepared(scene: Scene, seed: int = 3) -> StepSolver:
     solver: StepSolver = scene.reducer.prepare(ReducedProblem(
-        full().model, scene.integrator, scene.time.step, Offline.of(full().model, snapshots()),
+        full().model, scene.integrator, scene.time.step, Offline.from_snapshots(
+            full().model, snapshots()),
         np.random.default_rng(seed)))
     return solver

@@ -19,4 +19,4 @@ seeds: [7, 4]
 def planned(text: str) -> StudyPlan:
     """The plan of a study in this folder, where `scene.yaml` stands."""
     Path("study.yaml").write_text(text)
-    return StudyPlan.of("study.yaml")
+    return StudyPlan.read("study.yaml")

@@ -74,7 +74,7 @@ class Packed:
     about: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, value: object, table: Table, plugins: Mapping[str, object]) -> "Packed":
+    def from_object(cls, value: object, table: Table, plugins: Mapping[str, object]) -> "Packed":
         """Data of an object. plugins: key -> plugin of the scene. Raises PackedError, with its
         path, for an object of a class that is not in the table."""
         packer = _Encoder(table, plugins)

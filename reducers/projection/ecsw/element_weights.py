@@ -122,7 +122,7 @@ class WeightTraining:
         """Training coefficients of a block."""
         if name not in self.trained:
             snapshots = self.offline.snapshots(name)
-            self.trained[name] = Trained.of(
+            self.trained[name] = Trained.fit(
                 self.dictionaries[name], snapshots, self._times(snapshots.shape[1]))
         return self.trained[name]
 

@@ -53,7 +53,7 @@ class Trained:
     t: FloatArray
 
     @classmethod
-    def of(cls, dictionary: Dictionary, snapshots: FloatArray, t: FloatArray) -> "Trained":
+    def fit(cls, dictionary: Dictionary, snapshots: FloatArray, t: FloatArray) -> "Trained":
         """Least-squares coefficients of snapshots (n, M) in the dictionary's atoms."""
         inverse = np.linalg.pinv(dictionary.atoms)
         c = [inverse @ (part - dictionary.offset[:, None]) for _, part in column_chunks(snapshots)]

@@ -53,7 +53,7 @@ class WeightEquations:
     sizes: FloatArray | None = None
 
     @classmethod
-    def of(cls, G: FloatArray, against: float | None = None) -> "WeightEquations":
+    def from_matrix(cls, G: FloatArray, against: float | None = None) -> "WeightEquations":
         """Equations with an explicit matrix G (m, E); against: see `EquationRows`."""
         rows = EquationRows(len(G), lambda part: np.asarray(G[:, part]), against)
         return cls(G.shape[1], (rows,) if len(G) else (), (G, against))

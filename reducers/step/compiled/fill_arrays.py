@@ -246,7 +246,8 @@ def _prescribed(
     t = next(body.operators for body in eq.bodies if body.step is b)
     assert t is not None
     k, kt = b.elastic.stop - b.elastic.start, b.thermal.stop - b.thermal.start
-    table, width = TimeTable.of(_PrescribedRows(d, c1), np.array(d.table.times)), 2 * g + 1 + k
+    table, width = TimeTable.tabulate(
+        _PrescribedRows(d, c1), np.array(d.table.times)), 2 * g + 1 + k
     return PrescribedArrays(
         [block.name for block in s.layout].index(name), b.elastic.start, k, b.thermal.start, kt,
         _array(-compact(t.mass)), _array(-compact(t.stiffness)),

@@ -162,7 +162,7 @@ def test_limits_exist_only_where_there_are_snapshots() -> None:
         f"bodies.link{i}.mesh.elements": 320 for i in (1, 2)}))
     snapshots = {n: np.outer(np.arange(1.0, 1 + model.block_data(n).size), [1.0, 2.0])
                  for n in model.reducible()}
-    offline = Offline.of(model, snapshots)
+    offline = Offline.from_snapshots(model, snapshots)
     assert offline.dictionary("link1.elastic", Modal(count=2))[1] == 0.0
     top = offline.dictionary("link1.elastic", Pod())[1]
     assert top == pytest.approx(np.linalg.norm(snapshots["link1.elastic"][:, 1]), rel=1e-12)

@@ -76,7 +76,7 @@ def test_what_too_few_atoms_leave_out_is_said(
 
 
 def _offline() -> Offline:
-    offline = Offline.of(full().model, snapshots())
+    offline = Offline.from_snapshots(full().model, snapshots())
     offline.trained = True
     return offline
 
@@ -134,7 +134,7 @@ def test_a_field_that_does_not_change_has_no_note() -> None:
     """Without heat its one atom holds it; its change is round-off, and so is what is left out."""
     model, states = full().model, {"bar.thermal": np.full((27, 3), 293.15)}
     states["bar.thermal"][:, 2] *= 1.0 + 1e-14 * np.arange(27)
-    offline = Offline.of(model, states)
+    offline = Offline.from_snapshots(model, states)
     offline.trained = True
     one = Dictionary(np.full((27, 1), 27.0 ** -0.5), np.zeros(27), ())
     (space,) = trial_spaces(model, offline, {"bar.thermal": one}, 1e-3, 0.01)

@@ -202,7 +202,7 @@ def test_known_rows_are_what_the_source_gives() -> None:
         return np.stack([np.sin(times), times], axis=1)
 
     times = 1e-3 * np.arange(5)
-    known = TimeTable.of(source, times)
+    known = TimeTable.tabulate(source, times)
     assert asked == [times.tolist()]
     for t in (*times, times[3] + 1e-16):
         assert np.array_equal(known.at(t), known.at(round(t, 9)))

@@ -23,8 +23,8 @@ def test_pieces_of_all_facets_cover_a_surface_once() -> None:
     X = np.array([[1.0, 1.0], [0.0, 0.0], [1.0, -1.0]])  # convex, the body on the right
     facets = np.array([[0, 1], [1, 2]])  # run down: the body is on their left
     line = np.array([[0.2, -0.9], [0.2, 0.9]])
-    a, planes = np.repeat(line[None], 2, axis=0), Planes.of(X[facets])
-    o, _ = Overlaps.of(Pairs(a, np.zeros_like(a), planes, cells_of(X, facets, planes)))
+    a, planes = np.repeat(line[None], 2, axis=0), Planes.from_corners(X[facets])
+    o, _ = Overlaps.from_pairs(Pairs(a, np.zeros_like(a), planes, cells_of(X, facets, planes)))
     pieces = Pieces.cut(o, ElasticFoundation(stiffness=1.0), None)
     length = pieces.size.sum() * 1.8
     assert length == pytest.approx(0.4, abs=1e-14)  # |y| < 0.2 on the line x = 0.2
@@ -36,7 +36,7 @@ def test_cells_of_a_box_tile_its_inside(divisions: tuple[int, int, int]) -> None
     included: the nearest one."""
     mesh = BlockMesh(size=(0.3, 0.2, 0.2), divisions=divisions).build(Path())
     facets = outer_facets(mesh)
-    planes = Planes.of(mesh.points[facets])
+    planes = Planes.from_corners(mesh.points[facets])
     cells = cells_of(mesh.points, facets, planes)
     z = np.random.default_rng(0).random((4000, 3)) * [0.3, 0.2, 0.2]
     away = np.minimum(z, [0.3, 0.2, 0.2] - z).min(axis=1)
@@ -87,7 +87,7 @@ def test_parts_of_facets_keep_what_is_on_one_side_of_each_cut(d: int, whole: lis
 def test_planes_of_facets_have_the_slopes_of_their_measure(d: int) -> None:
     rng = np.random.default_rng(d)
     a, da, h = rng.standard_normal((5, d, d)), rng.standard_normal((5, d, d)), 1e-6
-    planes, n = Planes.of(a), rng.standard_normal((5, d))
+    planes, n = Planes.from_corners(a), rng.standard_normal((5, d))
     assert np.allclose((planes.n * (a[:, 1] - a[:, 0])).sum(axis=1), 0.0, atol=1e-14)
     assert np.allclose(planes.g @ (a - a[:, :1]).transpose(0, 2, 1) + [[1.0], *[[0.0]] * (d - 1)],
                        np.eye(d), atol=1e-13)

@@ -60,7 +60,7 @@ def solved(kind: str) -> tuple[SparseStepper, Any, Any, FloatArray, Any]:
     run = march(scene.using({"reducer": "full", "time.end": 20 * scene.time.step}), model=model)
     solver = scene.reducer.prepare(ReducedProblem(
         model, scene.integrator, scene.time.step,
-        Offline.of(model, {n: run.block(n).T for n in model.reducible()}),
+        Offline.from_snapshots(model, {n: run.block(n).T for n in model.reducible()}),
         np.random.default_rng(1)))
     assert isinstance(solver, SparseStepper)
     state, memory = solver.start(consistent_state(model))
@@ -139,7 +139,7 @@ def test_radiation_is_held_at_its_value_in_the_step() -> None:
         "budgets": {"*.elastic": {"rows": 8}, hot: {"rows": 12, "atoms": 4}}}})
     model = assemble(scene)
     solver = scene.reducer.prepare(ReducedProblem(
-        model, scene.integrator, scene.time.step, Offline.of(model, {}),
+        model, scene.integrator, scene.time.step, Offline.from_snapshots(model, {}),
         np.random.default_rng(1)))
     assert isinstance(solver, SparseStepper) and isinstance(solver.selection, Blockwise)
     state, memory = solver.start(consistent_state(model))
@@ -178,7 +178,7 @@ def test_the_first_selection_starts_from_all_atoms_that_the_rows_distinguish(row
     if rows < 4:
         scene = scene.using({"reducer.budgets.*.elastic.atoms": 2})
     solver = scene.reducer.prepare(ReducedProblem(
-        model, scene.integrator, scene.time.step, Offline.of(model, snapshots),
+        model, scene.integrator, scene.time.step, Offline.from_snapshots(model, snapshots),
         np.random.default_rng(1)))
     assert isinstance(solver, SparseStepper) and isinstance(solver.selection, Blockwise)
     assert solver.selection.distinguishable["bar.elastic"].all() == (rows == 14)
@@ -202,7 +202,7 @@ class Rows:
     """Sampled rows of a block without physics."""
 
     def __init__(self, B: FloatArray, budget: int) -> None:
-        self.columns, self.budget = RangeColumns.of("block", B), budget
+        self.columns, self.budget = RangeColumns.from_matrix("block", B), budget
         self.name, self.at = "block", slice(0, B.shape[1])
 
     def residual(self, step: Any, x: FloatArray, now: Any, work: Any) -> FloatArray:
@@ -210,7 +210,7 @@ class Rows:
 
 
 def made(B: FloatArray, budget: int, solver: Any) -> BlockSelection:
-    return BlockSelection.of(Rows(B, budget), solver)
+    return BlockSelection.from_rows(Rows(B, budget), solver)
 
 
 def minimised(block: BlockSelection, b: FloatArray, support: BoolArray) -> AtSolution:
@@ -260,7 +260,7 @@ def test_a_support_with_a_residual_below_the_tolerance_is_kept() -> None:
     support, c = np.arange(12) < 3, np.zeros(12)
     c[:3], c[8] = 1.0, 1e-4
     for tolerance, exchanges in ((1e-3, False), (1e-6, True)):
-        block = BlockSelection.of(Rows(A, 4), SOLVERS["greedy_gauss_newton"], tolerance)
+        block = BlockSelection.from_rows(Rows(A, 4), SOLVERS["greedy_gauss_newton"], tolerance)
         assert bool(exchanged([minimised(block, A @ c, support)], 0.3)) is exchanges
 
 

@@ -45,7 +45,7 @@ def test_the_residual_after_an_exchange_is_that_of_least_squares() -> None:
     J, old = problem(3)
     b = np.random.default_rng(0).standard_normal(len(J))
     z = ColumnSubsets(J, 1e-12).least_norm_solution(old, b)
-    r, gram = J @ z - b, GramExchange.of(J)
+    r, gram = J @ z - b, GramExchange.from_matrix(J)
     union = old.copy()
     union[np.argsort(-np.abs(gram.correlations(r)))[:6]] = True
     new = gram.exchanged(r, z, gram.correlations(r), old, union, 6)
@@ -63,7 +63,7 @@ def test_columns_that_are_too_alike_are_left_to_qr() -> None:
     J[:, twin] /= np.linalg.norm(J[:, twin])
     union = old.copy()
     union[twin] = True
-    gram, r = GramExchange.of(J), np.ones(len(J))
+    gram, r = GramExchange.from_matrix(J), np.ones(len(J))
     z = np.zeros(J.shape[1])
     assert gram.exchanged(r, z, gram.correlations(r), old, union, 6) is None
 

@@ -57,8 +57,8 @@ class Run:
         scene, self.model, snapshots = trained(elements)
         self.scene = scene.using({"reducer": REDUCERS[reducer]})
         self.solver = self.scene.reducer.prepare(ReducedProblem(
-            self.model, self.scene.integrator, self.scene.time.step, Offline.of(self.model,
-            snapshots), np.random.default_rng(0)))
+            self.model, self.scene.integrator, self.scene.time.step,
+            Offline.from_snapshots(self.model, snapshots), np.random.default_rng(0)))
         state, self.memory = self.solver.start(consistent_state(self.model))
         self.state = self.scene.integrator.start(self.solver.layout, state)
 
@@ -146,7 +146,7 @@ def test_the_walk_sees_the_arrays_of_a_full_order_step() -> None:
     """The check of the check: the factors' right-hand sides are of the mesh's size."""
     scene, model, _ = trained(COARSE)
     solver = scene.reducer.prepare(ReducedProblem(
-        model, scene.integrator, scene.time.step, Offline.of(model, {}),
+        model, scene.integrator, scene.time.step, Offline.from_snapshots(model, {}),
         np.random.default_rng(0)))
     assert max(max(a.shape) for _, a in arrays(solver) if a.ndim) >= 1467
 

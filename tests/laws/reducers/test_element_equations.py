@@ -21,7 +21,7 @@ def test_sums_over_blocks_are_those_of_the_whole(
 ) -> None:
     G = positive(seed)
     monkeypatch.setattr(element_equations, "BLOCK", 12 * 7)
-    e = WeightEquations.of(G)
+    e = WeightEquations.from_matrix(G)
     w = np.where(np.arange(90) % 3 == 0, 2.0, 0.0)
     np.testing.assert_allclose(e.total(), G.sum(axis=1), rtol=1e-13)
     np.testing.assert_allclose(e.applied(w), G @ w, rtol=1e-13)
@@ -45,7 +45,7 @@ def test_no_more_columns_are_made_at_a_time_than_a_block_holds(
     monkeypatch.setattr(element_equations, "BLOCK", 12 * 10)
     w = train(WeightEquations(90, (EquationRows(12, make),), ()), 1e-6)
     assert w.residual < 1e-6 and max(asked) == 10
-    whole = train(WeightEquations.of(G), 1e-6)
+    whole = train(WeightEquations.from_matrix(G), 1e-6)
     np.testing.assert_allclose(w.values, whole.values, atol=1e-6)
 
 
@@ -57,12 +57,12 @@ def test_rows_are_shares_of_their_sums_and_round_off_is_left_out() -> None:
     assert [p.count for p in e.parts] == [12, 12]
     assert np.linalg.norm(e.total()[:12]) == pytest.approx(1.0)
     np.testing.assert_allclose(e.total()[12:], G.sum(axis=1))
-    assert not WeightEquations.of(zero, 1.0).scaled().parts
+    assert not WeightEquations.from_matrix(zero, 1.0).scaled().parts
 
 
 def test_many_rows_are_replaced_by_as_few_as_do() -> None:
     G = np.random.default_rng(5).standard_normal((400, 20))
-    few = WeightEquations.of(G).combined(np.arange(20), 30)
+    few = WeightEquations.from_matrix(G).combined(np.arange(20), 30)
     assert few.exact and len(few.A) == 21
     w = np.random.default_rng(6).random(20)
     assert np.linalg.norm(few.A @ w - few.b) == pytest.approx(np.linalg.norm(G @ (w - 1.0)))
@@ -71,9 +71,9 @@ def test_many_rows_are_replaced_by_as_few_as_do() -> None:
 def test_weights_are_found_among_a_part_of_a_large_mesh() -> None:
     """The forces of all elements are repeated all the same, and the residual is that of all."""
     G = positive(11, (6, 4000)) / 4000
-    all_of_them = train(WeightEquations.of(G), 1e-3)
-    few = train(WeightEquations.of(G), 1e-3, 250)
-    among = element_weights.candidates(WeightEquations.of(G), 250)
+    all_of_them = train(WeightEquations.from_matrix(G), 1e-3)
+    few = train(WeightEquations.from_matrix(G), 1e-3, 250)
+    among = element_weights.candidates(WeightEquations.from_matrix(G), 250)
     assert len(np.unique(among)) == 250 and np.isin(np.flatnonzero(few.values), among).all()
     for found in (few, all_of_them):
         b = G.sum(axis=1)
@@ -86,9 +86,9 @@ def test_elements_that_carry_the_forces_are_candidates() -> None:
     rng = np.random.default_rng(13)
     G, hot = 1e-9 * rng.random((100, 10_000)), rng.choice(10_000, 100, replace=False)
     G[np.arange(100), hot] += 1.0
-    found = train(WeightEquations.of(G), 1e-6, 300)
+    found = train(WeightEquations.from_matrix(G), 1e-6, 300)
     assert found.residual <= 1e-6 and found.values[hot].all()
-    cold = train(WeightEquations.of(G[:, :5000] * (rng.random(5000) < 0.01)), 1e-6, 300)
+    cold = train(WeightEquations.from_matrix(G[:, :5000] * (rng.random(5000) < 0.01)), 1e-6, 300)
     assert cold.residual <= 1e-6
 
 
@@ -101,7 +101,7 @@ def test_small_rows_that_large_weights_bring_out_count() -> None:
     small *= 0.9e-2 * tau / np.linalg.norm(small)
     G = np.vstack([1.0 + 0.1 * rng.random(E), small])
     G[0] /= G[0].sum()
-    found = train(WeightEquations.of(G), tau)
+    found = train(WeightEquations.from_matrix(G), tau)
     assert found.residual <= 1.01 * tau
     # one element would do without it
     assert np.count_nonzero(found.values) == 2
@@ -112,10 +112,10 @@ def test_random_combinations_keep_lengths(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr(element_equations, "BLOCK", 1000)
     rng, all_of_them = np.random.default_rng(0), np.arange(10)
     G = rng.standard_normal((3000, 10)) * np.logspace(0, -6, 3000)[:, None]
-    few = WeightEquations.of(G).combined(all_of_them, 400)
+    few = WeightEquations.from_matrix(G).combined(all_of_them, 400)
     assert few.A.shape == (400, 10) and not few.exact
     np.testing.assert_allclose(few.b, few.A.sum(axis=1), atol=1e-12)
-    assert WeightEquations.of(G[:400]).combined(all_of_them, 400).exact
+    assert WeightEquations.from_matrix(G[:400]).combined(all_of_them, 400).exact
     R = np.linalg.qr(G, mode="r")
     s = np.linalg.svd(np.linalg.solve(R.T, few.A.T).T, compute_uv=False)
     assert 0.6 < s[-1] <= s[0] < 1.4
@@ -134,7 +134,7 @@ def test_weights_found_with_combinations_repeat_all_equations(
     monkeypatch.setattr(element_equations, "BLOCK", 10_000)
     monkeypatch.setattr(element_weights, "COMBINATIONS", first)
     monkeypatch.setattr(element_weights, "MOST", 480)
-    found = train(WeightEquations.of(G), tau)
+    found = train(WeightEquations.from_matrix(G), tau)
     assert found.residual == pytest.approx(float(np.linalg.norm(G @ (found.values - 1.0))))
     assert found.residual <= 1.01 * tau
     assert 0 < np.count_nonzero(found.values) < 100 and (found.values >= 0.0).all()

@@ -61,7 +61,7 @@ def test_modes_step_as_the_integrator_says(integrator: Integrator, field: str) -
     h, f = 0.1, np.arange(12.0).reshape(3, 4)
     m = m if order == 2 else 0.0 * m
     rules = integrator.rules(h)
-    steps = ModalSteps.of(rules.second if order == 2 else rules.first, k, d, m)
+    steps = ModalSteps.from_rule(rules.second if order == 2 else rules.first, k, d, m)
     state = integrator.start(layout, State(
         0.0, np.ones(4), np.full(4, 2.0), np.full(4, 3.0 * (order - 1)), np.zeros((4, 0))))
     z, x = steps.advance(np.vstack([state.x, state.v, state.a, state.memory.T]), f)
@@ -185,7 +185,7 @@ def test_steps_may_be_evaluated_together_or_one_by_one_or_resumed() -> None:
         one.store()
         for n, values in one.stored().items():
             found[n] += values.tolist()
-        saved = Saved.of(one.carried())
+        saved = Saved.from_value(one.carried())
         one = ErrorRecord(model, start, known[0])
         one.resume(saved.into(one.carried()), len(s.x))
     for n in model.blocks:

@@ -47,7 +47,8 @@ def block_of(scene: Scene, full: March, name: str) -> Reducible:
     sources |= {m.elastic: m for m in model.separated.moving if m.operators is not None}
     linear = LinearOperators.of(sources[name], *scene.integrator.rules(scene.time.step).factors)
     empty = Dictionary(np.zeros((len(X), 0)), np.zeros(len(X)), ())
-    return Reducible(name, empty, linear, model, Offline.of(model, {name: X}), scene.integrator,
+    return Reducible(name, empty, linear, model, Offline.from_snapshots(
+        model, {name: X}), scene.integrator,
                      scene.time.step, np.random.default_rng(0))
 
 

@@ -78,7 +78,7 @@ def blocks(name: str) -> dict[str, Reducible]:
     factors = scene.integrator.rules(h).factors
     sources = {b.thermal: b for b in model.separated.heat} | {
         m.elastic: m for m in model.separated.moving if m.operators is not None}
-    offline, rng = Offline.of(model, snapshots), np.random.default_rng(0)
+    offline, rng = Offline.from_snapshots(model, snapshots), np.random.default_rng(0)
     basis = Galerkin.model_validate({}).basis
     return {n: Reducible(
         n, offline.dictionary(n, basis)[0], LinearOperators.of(source, *factors), model, offline,

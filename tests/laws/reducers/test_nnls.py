@@ -61,5 +61,5 @@ def test_repeated_columns_are_not_taken_twice() -> None:
 
 
 def test_without_forces_every_element_counts_once() -> None:
-    none = WeightEquations.of(np.zeros((0, 7)))
+    none = WeightEquations.from_matrix(np.zeros((0, 7)))
     np.testing.assert_array_equal(train(none, 1e-6).values, np.ones(7))

@@ -84,7 +84,7 @@ def test_what_only_the_dictionary_shows_is_refused_when_it_is_made() -> None:
     assert not reducer.check(full().model)
     with pytest.raises(InputError, match="Square cannot solve bar.thermal, which needs over"):
         reducer.prepare(ReducedProblem(
-            full().model, scene.integrator, scene.time.step, Offline.of(full().model,
+            full().model, scene.integrator, scene.time.step, Offline.from_snapshots(full().model,
             snapshots()), np.random.default_rng(0)))
 
 
@@ -185,7 +185,8 @@ def elastic() -> tuple[test_map.ProjectedElastic, FloatArray, IntArray]:
     d = prepared(reduced()).dictionaries
     rows = np.arange(3, 51, 2)
     assert m.operators is not None
-    t = test_map.ProjectedElastic.of(m.operators, m.frame, d["bar.elastic"], d["bar.thermal"],
+    t = test_map.ProjectedElastic.from_operators(
+        m.operators, m.frame, d["bar.elastic"], d["bar.thermal"],
                          test_map.TestMap(rows=rows))
     return t, t.block(1e3, 1e6), rows
 
@@ -210,7 +211,7 @@ def test_a_support_needs_only_the_turned_rows_that_the_operator_reaches() -> Non
     t, B, rows = elastic()
     d = prepared(reduced()).dictionaries["bar.elastic"]
     block = Sampled("bar.elastic", d, rows, 6, B, None)
-    sampled = SampledElastic.of(block, t)
+    sampled = SampledElastic.from_operators(block, t)
     assert len(sampled.columns.B) == min(B.shape)
     turned = sampled.compressed[0]
     for support in (np.arange(6), np.array([0, 3, 4, 7, 9, 13])):
@@ -225,7 +226,7 @@ def test_a_support_needs_only_the_turned_rows_that_the_operator_reaches() -> Non
 def test_rows_of_the_whole_are_the_rows_of_the_mesh() -> None:
     t, _, rows = elastic()
     d = prepared(reduced()).dictionaries
-    taken = Whole.of(full().model, d).elastic["bar.elastic"].through(Map(rows))
+    taken = Whole.from_model(full().model, d).elastic["bar.elastic"].through(Map(rows))
     left = Map(left=np.random.default_rng(0).standard_normal((5, len(rows))))
     once, again = t.through(left), taken.through(left)
     for name in ("mass", "damping", "stiffness", "generators", "directions", "coupling", "loads",
@@ -262,7 +263,8 @@ class Unfit(GreedyGaussNewton):
 def stepped(scene: Scene, solver: Any) -> StepOutcome:
     """First step of a run with another sparse solver."""
     made = with_solver(scene, solver).prepare(ReducedProblem(
-        full().model, scene.integrator, scene.time.step, Offline.of(full().model, snapshots()),
+        full().model, scene.integrator, scene.time.step, Offline.from_snapshots(
+            full().model, snapshots()),
         np.random.default_rng(0)))
     state, memory = made.start(consistent_state(full().model))
     state = scene.integrator.start(made.layout, state)

@@ -58,7 +58,7 @@ class Counted:
         scene = base.using({"reducer": reducer})
         before = sum(f.count for f in model.solvers.log)
         self.solver: Any = scene.reducer.prepare(ReducedProblem(
-            model, scene.integrator, scene.time.step, Offline.of(model, snapshots),
+            model, scene.integrator, scene.time.step, Offline.from_snapshots(model, snapshots),
             np.random.default_rng(0)))
         state, memory = started(self.solver, scene.integrator, consistent_state(model))
         h = scene.time.step

@@ -110,7 +110,7 @@ def outcome(basis: str, sampler: str, preconditioner: str, solver: str, integrat
         if faults:
             raise InputError(faults)
         stepper = scene.reducer.prepare(ReducedProblem(
-            given.model, scene.integrator, scene.time.step, Offline.of(given.model,
+            given.model, scene.integrator, scene.time.step, Offline.from_snapshots(given.model,
             given.snapshots), np.random.default_rng(scene.seed)))
     except InputError as error:
         return str(error)

@@ -30,7 +30,7 @@ def moving(n: int, k: int, seed: int) -> FloatArray:
 
 def rows_beside(U: FloatArray, taken: IntArray, m: int) -> GreedyRows:
     free = ~np.isin(np.arange(len(U)), taken)
-    return GreedyRows.of(np.arange(float(len(U)))[:, None], free, m, "dof")
+    return GreedyRows.from_coordinates(np.arange(float(len(U)))[:, None], free, m, "dof")
 
 
 def best_by_definition(U: FloatArray, taken: list[int]) -> FloatArray:
@@ -137,6 +137,7 @@ def test_largest_eigenpairs_where_all_others_are_alike() -> None:
 def test_a_row_of_a_node_that_says_nothing_new_takes_no_direction() -> None:
     """Both rows of each node are alike: of six nodes, six directions are spanned, not three."""
     U = np.linalg.qr(np.repeat(np.random.default_rng(0).standard_normal((30, 6)), 2, axis=0))[0]
-    rows = GreedyRows.of(np.repeat(np.arange(30.0), 2)[:, None], np.ones(60, np.bool_), 12, "node")
+    rows = GreedyRows.from_coordinates(
+        np.repeat(np.arange(30.0), 2)[:, None], np.ones(60, np.bool_), 12, "node")
     pivots(U, rows)
     assert rows.left == 0 and np.linalg.matrix_rank(U[rows.numbers()]) == 6

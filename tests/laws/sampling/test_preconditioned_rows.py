@@ -276,7 +276,7 @@ def test_prepared_rows_come_back_without_being_prepared_again(
                    bases={"*.thermal": {"use": "pod", "count": 8}})
     model, h, integrator = full().model, scene.time.step, scene.integrator
     solver: Any = scene.reducer.prepare(ReducedProblem(
-        model, integrator, h, Offline.of(model, snapshots()), np.random.default_rng(3)))
+        model, integrator, h, Offline.from_snapshots(model, snapshots()), np.random.default_rng(3)))
     made: list[tuple[int, str, bytes]] = []
     for kind in (SampledElastic, SampledHeat):
         own = kind.on
@@ -373,7 +373,7 @@ def test_ring_rows_are_counted_and_kept() -> None:
                  bases={"*.thermal": {"use": "impulse", "count": 6}},
                  budgets={"*.elastic": {"rows": 10}, "*.thermal": {"rows": min(free, 2)}})
     solver = few.reducer.prepare(ReducedProblem(
-        model, few.integrator, few.time.step, Offline.of(model, snapshots()),
+        model, few.integrator, few.time.step, Offline.from_snapshots(model, snapshots()),
         np.random.default_rng(0)))
     assert np.isin(kept, solver.rows[name]).all()
     assert len(solver.rows[name]) == len(kept) + min(free, 2)

@@ -136,7 +136,7 @@ def recovered(solver: LinearRecovery, problem: LeastSquares, b: FloatArray) -> R
     """What the method itself finds for A c = b, before pruning and debiasing."""
     k = problem.A.shape[1]
     linear = Linearised.at(np.zeros(k), -b, problem.A)
-    return solver.recover(Penalised.of(linear, problem.groups))
+    return solver.recover(Penalised.from_linearised(linear, problem.groups))
 
 
 @pytest.mark.parametrize(("solver", "options"), PURSUITS.values(), ids=list(PURSUITS))

@@ -96,7 +96,7 @@ def test_rotating_rows_away_changes_no_least_squares_problem(
     problem, b = make(rng), rng.standard_normal(60)
     k = problem.A.shape[1]
     linear = Linearised.at(np.zeros(k), -b, problem.A)
-    rest = Penalised.of(linear, problem.groups)
+    rest = Penalised.from_linearised(linear, problem.groups)
     assert rest.A.shape == (min(56, k - 4), k - 4)
     chosen = np.zeros(k - 4, dtype=np.bool_)
     chosen[rng.choice(k - 4, 5, replace=False)] = True

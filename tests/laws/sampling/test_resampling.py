@@ -76,7 +76,7 @@ def test_a_resampled_run_goes_on_from_its_memory(
     scene = reduced(budgets=budgets, **options)
     want = Going(scene).steps(20)
     run = Going(scene).steps(10)
-    stored = Saved.of(run.memory).dump()
+    stored = Saved.from_value(run.memory).dump()
     again = Going(scene, prepared(scene))
     again.state, again.memory = run.state, Saved.load(stored).into(again.memory)
     again.steps(10)

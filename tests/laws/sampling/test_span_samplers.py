@@ -237,7 +237,8 @@ def test_random_leverage_draws_in_proportion_to_the_scores() -> None:
     share, runs = (U**2).sum(axis=1) / 3, 4000
     hits, rng = np.zeros(12), np.random.default_rng(0)
     for _ in range(runs):
-        rows = GreedyRows.of(np.arange(12.0)[:, None], np.ones(12, dtype=np.bool_), 1, "dof")
+        rows = GreedyRows.from_coordinates(
+            np.arange(12.0)[:, None], np.ones(12, dtype=np.bool_), 1, "dof")
         Leverage().choose(U, rows, rng)
         hits[rows.numbers()] += 1
     deviation = np.sqrt(runs * share * (1 - share))
@@ -249,7 +250,7 @@ def test_whole_nodes_of_leverage_are_drawn_by_their_sum() -> None:
     U[[2, 5], 0] = 0.6, 0.8
     counts, rng = np.zeros(4), np.random.default_rng(0)
     for _ in range(400):
-        rows = GreedyRows.of(
+        rows = GreedyRows.from_coordinates(
             np.repeat(np.arange(4.0), 2)[:, None], np.ones(8, dtype=np.bool_), 2, "node")
         Leverage().choose(U, rows, rng)
         first, second = rows.numbers()

@@ -93,7 +93,8 @@ BEFORE: dict[str, tuple[dict[str, Any], str, str]] = {
 @pytest.mark.parametrize("changes, kind, message", BEFORE.values(), ids=list(BEFORE))
 def test_a_mistake_is_told_before_the_run(changes, kind, message):
     scene = load(TINY, changes)
-    (note,) = [n for n in Checks.of(scene).of_model(scene, checked_model(scene)) if n.kind == kind]
+    (note,) = [n for n in Checks.for_scene(
+        scene).of_model(scene, checked_model(scene)) if n.kind == kind]
     assert message in note.text
 
 
@@ -129,7 +130,7 @@ FINE: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize("changes", FINE.values(), ids=list(FINE))
 def test_what_is_no_mistake_is_not_told(changes):
     scene = load(TINY, {"bodies.bar.order": 2, **changes})
-    assert Checks.of(scene).of_model(scene, checked_model(scene)) == ()
+    assert Checks.for_scene(scene).of_model(scene, checked_model(scene)) == ()
 
 
 @pytest.mark.full
@@ -138,7 +139,7 @@ def test_what_is_no_mistake_is_not_told(changes):
 def test_our_own_scenes_are_plausible(name):
     """But for what is said of the elements of coarse meshes."""
     scene = load(name)
-    found = Checks.of(scene).of_model(scene, checked_model(scene))
+    found = Checks.for_scene(scene).of_model(scene, checked_model(scene))
     assert [n for n in found if n.kind != "stiff_in_bending"] == []
 
 
@@ -148,7 +149,7 @@ def test_a_scene_in_celsius_that_radiates_is_told_of_its_cold_temperatures():
     scene = load(TINY, {"loads.glow": {**RADIATION, "surroundings": 200.0},
                         "bodies.bar.reference_temperature": 20.0, "bodies.bar.order": 2,
                         "bodies.bar.initial_temperature": 800.0})
-    found = Checks.of(scene).of_model(scene, checked_model(scene))
+    found = Checks.for_scene(scene).of_model(scene, checked_model(scene))
     assert [n.kind for n in found] == ["celsius"] * 2
     for what in ("reference temperature of bar is 20 K", "surroundings is 200 K"):
         assert any(what in n.text for n in found)
@@ -156,7 +157,7 @@ def test_a_scene_in_celsius_that_radiates_is_told_of_its_cold_temperatures():
 
 def test_a_free_body_at_rest_under_loads_is_no_warning():
     scene = load(TINY, {"joints": {}, "bodies.bar.order": 2})
-    (note,) = Checks.of(scene).of_model(scene, checked_model(scene))
+    (note,) = Checks.for_scene(scene).of_model(scene, checked_model(scene))
     assert (note.kind, note.level) == ("unheld_body", Level.INFORMATION)
 
 
@@ -230,5 +231,5 @@ def test_a_crack_in_a_mesh_file_is_counted(tmp_path):
                                             "end_b": {"nearest": [0.5, 0.0]},
                                             "left": {"where": "x < 1e-9"},
                                             "right": {"where": "x > 0.4999"}}})
-    (note,) = Checks.of(scene).of_model(scene, checked_model(scene))
+    (note,) = Checks.for_scene(scene).of_model(scene, checked_model(scene))
     assert note.kind == "coincident_nodes" and note.text.startswith(f"{len(cut)} nodes of bar")

@@ -16,7 +16,7 @@ SCENES = ("slider_plate", "brake_disk", "double_pendulum")
 
 def in_study(scene: str, **axes: list[Any]) -> list[dict[str, Any]]:
     """Reducer of each run of a study of these axes."""
-    plan = StudyPlan.of({"scene": scene, "grid": axes})
+    plan = StudyPlan.read({"scene": scene, "grid": axes})
     return [build(Source.of_tree(dict(run.scene["tree"]))).dump()["reducer"]
             for run in plan.runs if run.scene is not None]
 

@@ -41,7 +41,7 @@ def test_a_bar_that_spins_faster_than_it_vibrates_diverges_by_its_spin() -> None
 def test_sudden_growth_beyond_the_body_is_suspected_and_slow_growth_is_not() -> None:
     scene = spinning(1.0)
     model = assemble(scene)
-    extents = Extents.of(model, model.layout, {})
+    extents = Extents.from_model(model, model.layout, {})
     at = model.layout["bar.elastic"]
 
     def shape(size: float) -> Any:

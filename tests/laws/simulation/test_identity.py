@@ -144,10 +144,10 @@ def test_a_study_is_another_one_after_its_plugin_changed(
         "set: {time.end: 0.003, reducer: {use: galerkin, basis: {use: leading}}}\n"
         "grid: {seed: [1, 2]}\n")
     (tmp_path / TINY.name).write_text(TINY.read_text())
-    first = StudyPlan.of(study).digest
-    assert StudyPlan.of(study).digest == first
+    first = StudyPlan.read(study).digest
+    assert StudyPlan.read(study).digest == first
     (tmp_path / "site-leading" / "leading_basis.py").write_text(BASIS.replace("COUNT", "4"))
-    assert StudyPlan.of(study).digest != first
+    assert StudyPlan.read(study).digest != first
     sys.modules.pop("leading_basis", None)
 
 
@@ -223,7 +223,7 @@ def test_a_run_is_not_continued_by_another_program(
 ) -> None:
     scene = load(TINY, {**SHORT, "reducer": "full"})
     stop(scene, tmp_path / "out")
-    assert Identity.of(scene).changes(Identity.of(scene).plain()) == []
+    assert Identity.from_scene(scene).changes(Identity.from_scene(scene).plain()) == []
     monkeypatch.setattr(identity, attribute, lambda: value)
     with pytest.raises(InputError, match=f"cannot be resumed: since it was stopped, .*{words}"):
         simulate(scene, out=tmp_path / "out", resume=True)

@@ -364,7 +364,7 @@ def test_a_file_with_former_names_runs_alike(file: Path, tmp_path: Path) -> None
 def test_only_declared_classes_are_stored() -> None:
     for value in (object(), lambda t: t, np.array([object()]), {"a": Path()}):
         with pytest.raises((PackedError, ValueError, TypeError)):
-            Packed.of(value, {}, {}).dump()
+            Packed.from_object(value, {}, {}).dump()
 
 
 @pytest.mark.full

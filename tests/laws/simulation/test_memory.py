@@ -119,7 +119,7 @@ def test_points_of_local_terms_are_counted() -> None:
     scene = scene_of({"bodies": {"plate": plate}, "time": {"end": 1.0, "step": 0.1}, "reducer": {
         "use": "galerkin", "basis": {"use": "pod", "count": 5}}})
     model = assemble(scene)
-    found = estimate(scene, model, Offline.of(model, {}), exact=False)
+    found = estimate(scene, model, Offline.from_snapshots(model, {}), exact=False)
     (item,) = [i for i in found.phases["steps"] if "quadrature points" in i.what]
     held = 0
     for term in model.separated.heat[0].local:

@@ -20,7 +20,7 @@ RADIATION = {"use": "radiation", "on": ["bar:top"], "emissivity": 0.5, "surround
 def notes(scene: Scene) -> list[Note]:
     model = assemble(scene)
     solver = scene.reducer.prepare(ReducedProblem(
-        model, scene.integrator, scene.time.step, Offline.of(model, {}),
+        model, scene.integrator, scene.time.step, Offline.from_snapshots(model, {}),
         np.random.default_rng(0)))
     return [n for n in solver.notes if n.kind == "linear_solver"]
 

@@ -127,7 +127,7 @@ def test_samples_of_a_box() -> None:
 
 
 def test_a_study_over_a_parameter_has_references_of_its_own(tmp_path: Path) -> None:
-    plan = StudyPlan.of({"format": 1, "scene": _written(tmp_path), "grid": {
+    plan = StudyPlan.read({"format": 1, "scene": _written(tmp_path), "grid": {
         "parameters.flux": [6.0e5, 7.0e5]}})
     assert len({run.reference for run in plan.runs}) == 2
     assert len({run.training for run in plan.runs}) == 1, "the box is the same"

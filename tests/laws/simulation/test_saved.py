@@ -72,7 +72,7 @@ def filled() -> Everything:
 
 def test_values_come_back_to_the_last_bit() -> None:
     kept = filled()
-    found = Saved.load(Saved.of(kept).dump()).into(Everything())
+    found = Saved.load(Saved.from_value(kept).dump()).into(Everything())
     assert isinstance(found, Everything)
     for name in ("flag", "whole", "real", "raw", "pair", "ages", "live", "by_number"):
         assert getattr(found, name) == getattr(kept, name)
@@ -155,21 +155,21 @@ def test_another_structure_is_refused_with_its_place(change: dict[str, Any], wor
     kept = filled()
     kept.__dict__.update(change)
     with pytest.raises(SavedError, match=words):
-        Saved.of(kept).into(Everything())
+        Saved.from_value(kept).into(Everything())
 
 
 @pytest.mark.parametrize("value", [
     print, Slotted, os, np.array([Nasty()], dtype=object), {"a": [lambda: 0]}])
 def test_code_is_no_state(value: Any) -> None:
     with pytest.raises(TypeError, match="memory"):
-        Saved.of(value)
+        Saved.from_value(value)
 
 
 def test_what_refers_to_itself_is_no_state() -> None:
     ring: list[Any] = []
     ring.append(ring)
     with pytest.raises(TypeError, match=r"memory\[0\]: refers to an object that it is part of"):
-        Saved.of(ring)
+        Saved.from_value(ring)
 
 
 @pytest.mark.parametrize("reducer", [
@@ -185,7 +185,7 @@ def test_sums_of_a_run_do_not_grow_with_it() -> None:
     times = 1e-4 * (1.0 + rng.random(20_000))
     for seconds in times:
         stats.add(float(seconds), StepOutcome(np.zeros(1), Status.DONE, 2))
-    assert len(Saved.of(stats).dump()) < 20_000
+    assert len(Saved.from_value(stats).dump()) < 20_000
     assert (stats.done, stats.iterations) == (20_000, 40_000)
     assert stats.ms_per_step_solver == pytest.approx(1e3 * np.median(times), rel=0.01)
 

@@ -86,7 +86,7 @@ def test_elastic_failure_within_a_step_is_not_taken_for_overflow() -> None:
     scene = spatial(linear_solvers={"*.elastic": {"use": "cg", "rtol": 1e-12}})
     model = assemble(scene)
     solver: Any = scene.reducer.prepare(ReducedProblem(
-        model, scene.integrator, 1e-3, Offline.of(model, {}), np.random.default_rng(0)))
+        model, scene.integrator, 1e-3, Offline.from_snapshots(model, {}), np.random.default_rng(0)))
     block = next(b for b in solver.mechanics.equations.bodies if b.factor is not None)
     D = block.factor.A
     short = ConjugateGradients(rtol=1e-12, max_iterations=1).factorize(D)

@@ -71,9 +71,9 @@ def test_the_map_moves_small_changes_as_a_step_does(integrator: str, reducer: st
     scene, solver, model = prepared(integrator, reducer)
     rule, h, layout = scene.integrator, scene.time.step, solver.layout
     state, memory = started(solver, rule, consistent_state(model))
-    before = Saved.of(memory).dump()
+    before = Saved.from_value(memory).dump()
     step = step_map(solver, rule, h, state, memory)
-    assert Saved.of(memory).dump() == before, "the solver's memory was written to"
+    assert Saved.from_value(memory).dump() == before, "the solver's memory was written to"
     rng = np.random.default_rng(5)
     size = np.concatenate([step.scale, step.scale / h, step.scale / h**2])
     extra = len(step.matrix) // layout.size - 3

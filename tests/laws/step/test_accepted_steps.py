@@ -60,9 +60,9 @@ def corrections(scene: Scene, every: int) -> list[float]:
     """By how much one step of the textbook Newton changes accepted steps: relative to the largest
     value of each block so far, the largest of rigid coordinates and displacements."""
     model = assemble(scene)
-    equations, h, integrator = Summed.of(model, price=0), scene.time.step, scene.integrator
+    equations, h, integrator = Summed.from_model(model, price=0), scene.time.step, scene.integrator
     solver = scene.reducer.prepare(ReducedProblem(
-        model, integrator, h, Offline.of(model, {}), np.random.default_rng(0)))
+        model, integrator, h, Offline.from_snapshots(model, {}), np.random.default_rng(0)))
     state, memory = solver.start(consistent_state(model))
     state, found = integrator.start(solver.layout, state), []
     top, rules = np.zeros(model.layout.size), integrator.rules(h)

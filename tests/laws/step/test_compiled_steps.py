@@ -48,7 +48,8 @@ class Case(NamedTuple):
     def solver(self, **options: Any) -> Any:
         s = self.scene.using({f"reducer.{name}": value for name, value in options.items()})
         return s.reducer.prepare(ReducedProblem(
-            self.model, s.integrator, s.time.step, Offline.of(self.model, self.snapshots),
+            self.model, s.integrator, s.time.step, Offline.from_snapshots(
+                self.model, self.snapshots),
             np.random.default_rng(3)))
 
     def start(self, solver: Any) -> tuple[State, Memory]:
@@ -176,7 +177,7 @@ def test_the_partition_into_blocks_changes_no_bit(with_laws: bool, kernel: bool)
             pieces.append(taken)
             evaluated |= {at[-1] for at in memory.linearized.values()}
         state = pieces[-1].state
-        memory = Saved.of(memory).into(case.start(solver)[1])  # a restart
+        memory = Saved.from_value(memory).into(case.start(solver)[1])  # a restart
     # a Jacobian of heat serves several steps
     assert 0 < len(evaluated) < 10 if with_laws else not evaluated
     for one, other in zip(whole, pieces, strict=True):

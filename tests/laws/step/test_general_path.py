@@ -220,7 +220,8 @@ def test_sparse_without_a_choice_only() -> None:
     snapshots = {n: s[:, :5] for n, s in whole(model).items()}
     with pytest.raises(InputError, match="3 of 5 atoms would be selected"):
         late.reducer.prepare(ReducedProblem(
-            model, late.integrator, 1e-3, Offline.of(model, snapshots), np.random.default_rng(0)))
+            model, late.integrator, 1e-3, Offline.from_snapshots(
+                model, snapshots), np.random.default_rng(0)))
 
 
 class ByDifferences(AroundSteps[Any]):
@@ -240,7 +241,8 @@ def test_the_response_of_a_step_is_its_derivative() -> None:
     full = march(scene, model=model)
     scene = scene.using({"reducer": {"use": "galerkin", "basis": {"use": "pod", "count": 6}}})
     solver: Any = scene.reducer.prepare(ReducedProblem(
-        model, scene.integrator, 1e-3, Offline.of(model, learnt(full)), np.random.default_rng(0)))
+        model, scene.integrator, 1e-3, Offline.from_snapshots(
+            model, learnt(full)), np.random.default_rng(0)))
     state, memory = solver.start(consistent_state(model))
     state = scene.integrator.start(solver.layout, state)
     exact, near = (step_map(s, scene.integrator, 1e-3, state, memory)
@@ -259,7 +261,8 @@ def test_memory_that_was_stored_repeats_every_digit(reducer: str) -> None:
     model = coupled(scene)
     snapshots = learnt(march(scene.using({"reducer": "full"}), model=model))
     solver: StepSolver = scene.reducer.prepare(ReducedProblem(
-        model, scene.integrator, 1e-3, Offline.of(model, snapshots), np.random.default_rng(0)))
+        model, scene.integrator, 1e-3, Offline.from_snapshots(
+            model, snapshots), np.random.default_rng(0)))
     ends = []
     for stored in (False, True):
         state, memory = started(solver, scene.integrator, consistent_state(model))
@@ -269,7 +272,7 @@ def test_memory_that_was_stored_repeats_every_digit(reducer: str) -> None:
             state, memory = last.state, last.memory
             if stored:
                 fresh = solver.start(consistent_state(model))[1]
-                memory = Saved.load(Saved.of(memory).dump()).into(fresh)
+                memory = Saved.load(Saved.from_value(memory).dump()).into(fresh)
         ends.append(state.x)
         assert solver.counters(memory)["factorizations"] < 20
     assert np.array_equal(ends[0], ends[1])

@@ -61,7 +61,7 @@ def start(tree: dict[str, Any]) -> tuple[Model, State]:
 
 def begun(scene: Scene, model: Model) -> State:
     solver: Any = scene.reducer.prepare(ReducedProblem(
-        model, scene.integrator, scene.time.step, Offline.of(model, {}),
+        model, scene.integrator, scene.time.step, Offline.from_snapshots(model, {}),
         np.random.default_rng(0)))
     state: State = solver.start(consistent_state(model))[0]
     return state
@@ -165,8 +165,8 @@ class Opaque(Term):
 def test_terms_that_do_not_know_their_time_derivatives_are_differenced() -> None:
     model = assemble(scene_of(chain()))
     at = model.x0, model.v0, 0.0
-    known = Constraints.of(model.layout, model.terms, H)
-    other = Constraints.of(model.layout, tuple(map(Opaque, model.terms)), H)
+    known = Constraints.from_terms(model.layout, model.terms, H)
+    other = Constraints.from_terms(model.layout, tuple(map(Opaque, model.terms)), H)
     want = known.curvature(*at)
     assert np.abs(want).max() > 10.0  # centrifugal
     np.testing.assert_allclose(other.curvature(*at), want, rtol=0, atol=1e-6 * np.abs(want).max())

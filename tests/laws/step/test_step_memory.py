@@ -94,7 +94,7 @@ def learned(kind: str) -> tuple[Model, dict[str, FloatArray]]:
 
 def prepared(kind: str) -> tuple[Scene, Model, StepSolver]:
     scene, (model, snapshots) = scenes()[kind], learned(kind)
-    offline = Offline.of(model, snapshots)
+    offline = Offline.from_snapshots(model, snapshots)
     solver: StepSolver = scene.reducer.prepare(ReducedProblem(
         model, scene.integrator, scene.time.step, offline, np.random.default_rng(scene.seed)))
     return scene, model, controlled(scene, model, offline, solver)

@@ -18,7 +18,7 @@ ANY = ["methods", "samplers", "solvers", "preconditioners", "bases", "integrator
 
 
 def of(name: str, scene: Path, **overrides: Any) -> StudyPlan:
-    return StudyPlan.of(name, scene=scene, overrides=overrides)
+    return StudyPlan.read(name, scene=scene, overrides=overrides)
 
 
 @pytest.mark.full
@@ -65,9 +65,9 @@ def test_rigid_bodies_alone_have_integrators_only() -> None:
         with pytest.raises(InputError, match="only `integrators` applies"):
             of(name, RIGID)
     with pytest.raises(InputError, match="is a study of any scene: name one"):
-        StudyPlan.of("methods")
+        StudyPlan.read("methods")
     with pytest.raises(InputError, match="name one, or write the changes under `set`"):
-        StudyPlan.of("brake_untf", overrides={"time.end": 0.1})
+        StudyPlan.read("brake_untf", overrides={"time.end": 0.1})
 
 
 @pytest.mark.full

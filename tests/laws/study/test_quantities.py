@@ -71,6 +71,6 @@ def test_quantities_that_the_scene_has_not_are_faults_of_the_file(tmp_path: Path
                            ({"field": "stress"}, "give `field` and `body`"),
                            ({"joint": "pin", "probe": "end"}, "give exactly one of")):
         with pytest.raises(InputError, match=said):
-            StudyPlan.of(written(tmp_path, quantities={"a": quantity}))
+            StudyPlan.read(written(tmp_path, quantities={"a": quantity}))
     with pytest.raises(InputError, match="steps is a column of the results"):
-        StudyPlan.of(written(tmp_path, quantities={"steps": {"joint": "pin"}}))
+        StudyPlan.read(written(tmp_path, quantities={"steps": {"joint": "pin"}}))

@@ -70,7 +70,7 @@ def test_stiff_bodies_move_as_rigid_ones() -> None:
 
 def changes(model: Model, step: StepFormula, x: FloatArray, exact: bool, count: int) -> FloatArray:
     """Sizes of successive changes from x, relative to the largest displacement of the plate."""
-    eq, factor, found = Summed.of(model, price=1), None, []
+    eq, factor, found = Summed.from_model(model, price=1), None, []
     c, d, at = (step.c1, step.c2, step.c1_first, step.c2_first), x - step.free, model.layout[
         "plate.elastic"]
     eq.begin(step, d)

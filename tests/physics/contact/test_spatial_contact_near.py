@@ -202,7 +202,7 @@ def test_no_point_moves_farther_than_the_bound(frame: int) -> None:
     atoms[frame:, frame:] = 0.1 * rng.standard_normal((3 * n, modes))
     offset = np.zeros(len(atoms))
     offset[frame:] = 0.1 * rng.standard_normal(3 * n)
-    pace = MotionBound.of(mover, atoms, offset)
+    pace = MotionBound.from_atoms(mover, atoms, offset)
 
     def places(x: FloatArray) -> FloatArray:
         full = offset + atoms @ x

@@ -107,7 +107,7 @@ def test_an_exchange_lowers_the_residual_as_foreseen_with_the_other_unknowns_hel
     scene, (_, model, want) = selecting(2, hysteresis=0.1), full()
     solver = scene.reducer.prepare(ReducedProblem(
         model, scene.integrator, scene.time.step,
-        Offline.of(model, {n: want.block(n).T for n in model.reducible()}),
+        Offline.from_snapshots(model, {n: want.block(n).T for n in model.reducible()}),
         np.random.default_rng(2)))
     assert isinstance(solver, SparseStepper) and isinstance(solver.selection, BlockwiseSelection)
     blocks, steps = solver.selection.bodies, solver.steps

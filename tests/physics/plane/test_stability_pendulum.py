@@ -34,7 +34,8 @@ def stepped(scene: Scene) -> tuple[StepMap, StepSolver]:
     snapshots = {} if not model.reducible() else {
         n: s.T for n, s in train(scene.for_training(), new_manager()).items()}
     solver: StepSolver = scene.reducer.prepare(ReducedProblem(
-        model, scene.integrator, H, Offline.of(model, snapshots), np.random.default_rng(1)))
+        model, scene.integrator, H, Offline.from_snapshots(
+            model, snapshots), np.random.default_rng(1)))
     state, memory = started(solver, scene.integrator, consistent_state(model))
     return step_map(solver, scene.integrator, H, state, memory), solver
 
