@@ -55,6 +55,6 @@ def reduce(
         print_json(said)
     elif not quiet:
         typer.echo(f"{model.size} unknowns, {file.stat().st_size / 1e6:.2g} MB, prepared in "
-                   f"{seconds:.3g} s{f', its steps compiled in {compiled:.3g} s' * bool(compiled)}"
+                   f"{seconds:.3g} s{f', machine code in {compiled:.3g} s' * bool(compiled)}"
                    f"\na run may change {', '.join(model.free)}")
         typer.echo(f"model: {file}")
