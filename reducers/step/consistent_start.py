@@ -222,8 +222,9 @@ def _evaluate(
 def _elastic_rows(
     body: BodyStep, ops: ProjectedElastic, w: FrameWork, state: State
 ) -> FloatArray:
-    """Tested elastic rows (m,) without the inertia of elastic accelerations, for coefficients c and
-    temperature coefficients cT of the state, with the factors kappa, mu, sigma of the frame in `w`:
+    """Projected elastic rows (m,) without the inertia of elastic accelerations, for coefficients c
+    and temperature coefficients cT of the state, with the factors kappa, mu, sigma of the frame in
+    `w`:
 
         K c + D c' + E sigma + sum_g (kappa_g G_g c + mu_g G_g c') - C_T cT + constant - loads(t)
         + local terms,    E: `directions`, G_g: `generators`, C_T: `coupling`.

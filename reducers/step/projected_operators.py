@@ -5,8 +5,8 @@ The test map is the only difference between the projected and the sampled reduce
 atoms^T, the sparse method sampled rows, DEIM atoms^T for the linear operators of the block and an
 interpolation from a few rows for its forces. All have m rows and k columns here.
 
-*Tested* operators are those after both projections, T^T K A with the trial basis A and the test map
-T^T. Of a step formula c' = c1 c + r1 and c'' = c2 c + r2, r1 and r2 are known before the step.
+*Projected* operators are T^T K A, with the trial basis A and the test map T^T. Of a step formula c'
+= c1 c + r1 and c'' = c2 c + r2, r1 and r2 are known before the step.
 """
 
 from collections.abc import Sequence

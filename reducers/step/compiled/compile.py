@@ -244,8 +244,8 @@ def with_kept_code(compiled: Any, kept: MachineCode) -> Any:
 def name_of(functions: Functions, checked: bool = False) -> str:
     """Name of the machine code of the kernel with these functions: a digest of their sources and
     their order, of the versions of Python and numba, and of whether indices are checked."""
-    reached = linked(functions, lambda function: function).values()
-    files = sorted({__file__, *map(inspect.getfile, reached)})
+    included = linked(functions, lambda function: function).values()
+    files = sorted({__file__, *map(inspect.getfile, included)})
     laws = [f"{f.__module__}.{f.__qualname__}" for f in (functions.frame, *functions.laws) if f]
     names = repr((laws, sorted(f.__qualname__ for f in functions.instead)))
     versions = [platform.python_version(), *map(version, ("numba", "llvmlite", "numpy"))]
