@@ -174,6 +174,10 @@ def test_a_result_too_large_for_the_disk_is_refused(
     assert "1.4 GB on the disk (2e+06 stored steps of 87 numbers)" in fault.message
     assert "50 seconds at the least" in fault.message
     room_for_result(load(TINY, {**long, "output.every": 2}), model, there)
+    watched = {"probes": {"end": {"body": "bar", "at": [0.5, 0.0]}}}
+    with pytest.raises(InputError, match="stored steps of 92 numbers"):  # x, u and T more
+        room_for_result(load(TINY, {**long, **watched}),
+                        checked_model(load(TINY, watched)), there)
 
 
 def test_a_run_whose_result_has_no_room_writes_nothing(

@@ -22,6 +22,7 @@ from sparsemor.core.model.fitting_bases import fitted_bases
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols.basis import Basis
 from sparsemor.core.protocols.mesh import BodySize
+from sparsemor.core.results.probes import ProbeReader
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.memory.limits import LIMIT, ceiling, gb, resident
 from sparsemor.core.simulation.offline import Offline, snapshot_count, step_count
@@ -370,7 +371,7 @@ def room_for_result(scene: Scene, model: Model, out: Path) -> None:
     blocks = block_sizes(model)
     # rigid coordinates and multipliers; then time, iterations, error and seconds
     per_step = model.layout.size - sum(blocks.values()) + 4
-    per_step += sum(p.displacement.shape[0] if p.displacement is not None else 3
+    per_step += sum(len(ProbeReader.of(p, model.layout, {}).header().components)
                     for p in model.probes)
     bases = chosen_bases(scene, blocks)
     per_step += sum(most_atoms(bases[n], size) if n in bases else size
