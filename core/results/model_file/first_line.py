@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-MAGIC = b"sparsemor reduced model 4\n"
+MAGIC = b"sparsemor reduced model 5\n"
 """Name and version of the format."""
 
 

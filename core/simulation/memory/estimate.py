@@ -371,7 +371,7 @@ def room_for_result(scene: Scene, model: Model, out: Path) -> None:
     blocks = block_sizes(model)
     # rigid coordinates and multipliers; then time, iterations, error and seconds
     per_step = model.layout.size - sum(blocks.values()) + 4
-    per_step += sum(len(ProbeReader.of(p, model.layout, {}).header().components)
+    per_step += sum(len(ProbeReader.at_place(p, model.layout, {}).header().components)
                     for p in model.probes)
     bases = chosen_bases(scene, blocks)
     per_step += sum(most_atoms(bases[n], size) if n in bases else size

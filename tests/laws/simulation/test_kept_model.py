@@ -329,38 +329,6 @@ def test_a_file_with_a_true_digest_runs_no_code(
         load_model(file)
 
 
-FORMER: dict[str, tuple[str, dict[str, str]]] = {
-    "ProjectedElastic": ("TestedElastic", {}), "ProjectedHeat": ("TestedHeat", {}),
-    "BodyRows": ("ReducedBody", {"operators": "tested", "factors": "drive"}),
-    "HeatRows": ("ReducedHeat", {"operators": "tested"}),
-}
-"""Class -> its former name, and field -> its former name."""
-
-
-def with_former_names(node: Any, renamed: set[str]) -> Any:
-    """Data of a stored object with the names that classes and fields had; renamed: classes met."""
-    if isinstance(node, list):
-        return [with_former_names(n, renamed) for n in node]
-    if not isinstance(node, dict):
-        return node
-    if "fields" in node:
-        label, values = node["fields"]
-        module, _, name = label.partition(":")
-        before, names = FORMER.get(name, (name, {}))
-        renamed |= FORMER.keys() & {name}
-        return {"fields": [f"{module}:{before}", {
-            names.get(n, n): with_former_names(v, renamed) for n, v in values.items()}]}
-    return {kind: with_former_names(content, renamed) for kind, content in node.items()}
-
-
-def test_a_file_with_former_names_runs_alike(file: Path, tmp_path: Path) -> None:
-    stored, renamed = Packed.load(file.read_bytes()), set[str]()
-    before = replace(stored, tree=with_former_names(stored.tree, renamed))
-    (tmp_path / "before.model").write_bytes(before.dump())
-    assert renamed == set(FORMER) and before.tree != stored.tree
-    assert_equal(load_model(tmp_path / "before.model").run(), load_model(file).run())
-
-
 def test_only_declared_classes_are_stored() -> None:
     for value in (object(), lambda t: t, np.array([object()]), {"a": Path()}):
         with pytest.raises((PackedError, ValueError, TypeError)):
