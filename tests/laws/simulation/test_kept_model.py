@@ -304,7 +304,7 @@ def test_a_damaged_or_foreign_file_is_one_error(file: Path, tmp_path: Path) -> N
             load_model(other)
     for content, said in ((data[:-9], "damaged"), (b"", "no reduced model"),
                           (b"format: 1\n", "no reduced model"),
-                          (data.replace(MAGIC, MAGIC.replace(b"4", b"9")), "another version")):
+                          (data.replace(MAGIC, MAGIC[:-2] + b"9\n"), "another version")):
         other.write_bytes(content)
         with pytest.raises(InputError, match=said):
             load_model(other)
