@@ -23,8 +23,15 @@ class Factors(NamedTuple):
     tau: FloatArray
 
 
+def is_unit_matrix(A: FloatArray) -> bool:
+    """True if A (m, k) is the unit matrix, digit for digit."""
+    m, k = A.shape
+    return m == k and np.count_nonzero(A) == k and bool((np.diagonal(A) == 1.0).all())
+
+
 class ColumnSubsets:
     """Least squares min |A x - b| over x that vanish outside a subset of the columns of A (m, k).
+    Of the unit matrix, as orthonormal atoms have, x is the part of b in the subset.
 
     Factors of recent subsets are kept. They do not depend on the order of the calls, so that
     several threads may share one object. rank_rtol: reciprocal condition number of unit columns at
@@ -32,16 +39,18 @@ class ColumnSubsets:
     """
 
     def __init__(self, A: FloatArray, rank_rtol: float) -> None:
-        self.A, self.rank_rtol = A, rank_rtol
+        self.A, self.rank_rtol, self.unit = A, rank_rtol, is_unit_matrix(A)
         self._factors = lru_cache(maxsize=KEPT)(self._factorized)
         self._inverse = lru_cache(maxsize=KEPT)(self._inverted)
 
     def independent(self, subset: BoolArray) -> bool:
         """True if the columns in the mask (k,) are linearly independent."""
-        return self._factors(subset.tobytes()) is not None
+        return self.unit or self._factors(subset.tobytes()) is not None
 
     def solution(self, subset: BoolArray, b: FloatArray) -> FloatArray | None:
         """Least-squares solution x (k,); None for linearly dependent columns."""
+        if self.unit:
+            return np.where(subset, b, 0.0)
         f = self._factors(subset.tobytes())
         if f is None:
             return None
@@ -63,6 +72,8 @@ class ColumnSubsets:
     def left_inverse(self, subset: BoolArray) -> FloatArray | None:
         """Matrix (s, m) that maps b to the s nonzero entries of the least-squares solution; None
         for linearly dependent columns."""
+        if self.unit:
+            return np.asarray(self.A[subset])
         f = self._factors(subset.tobytes())
         if f is None:
             return None
@@ -74,6 +85,9 @@ class ColumnSubsets:
 
     def squared_residual(self, subset: BoolArray, b: FloatArray) -> float | None:
         """|A x - b|^2 of the least-squares solution x; None for linearly dependent columns."""
+        if self.unit:
+            rest = b[~subset]
+            return float(rest.dot(rest))
         f = self._factors(subset.tobytes())
         if f is None:
             return None

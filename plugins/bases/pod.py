@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from sparsemor.core import Basis, BlockData, Dictionary, FloatArray, InputError
+from sparsemor.core.linalg.dense import svd
 from sparsemor.core.linalg.snapshots import column_chunks, needs_chunks
 from sparsemor.plugins.bases.snapshot_svd import (
     LeadingVectors,
@@ -40,8 +41,24 @@ class Pod(Basis):
     """`inverse_sqrt_norm` divides each snapshot (less the mean) by the square root of its norm, so
     that small snapshots count more, such as the start of a run from rest."""
 
+    window: int | None = Field(default=None, ge=1)
+    """Decompose successive parts of the training run, of so many snapshots each: what the atoms of
+    the parts before leave of them, down to `tolerance`. All atoms are orthonormal. Where a source
+    travels over a body a state needs those of few parts, which `sparse` selects in each step; the
+    leading vectors of the whole run spread over the path, and a state needs them all."""
+    tolerance: float = Field(default=1e-4, gt=0.0, lt=1.0)
+    """Of `window`: singular value, relative to the largest norm of a snapshot, down to which
+    vectors of a part are kept."""
+
     @model_validator(mode="after")
     def _one_purpose(self) -> Self:
+        others = {"energy": self.energy is not None, "count": self.count is not None,
+                  "centred": self.centred, "complete": self.complete,
+                  "weights": self.weights != "none"}
+        given = [name for name, is_given in others.items() if is_given]
+        if self.window is not None and given:
+            raise ValueError(
+                f"tolerance alone decides on the atoms of a window: leave out {given[0]}")
         if self.complete and self.energy is not None:
             raise ValueError("energy drops columns and complete puts them back: give one of them")
         return self
@@ -66,6 +83,8 @@ class Pod(Basis):
         same without weights, in which the share of energy is reported.
         """
         A = _checked(data)
+        if self.window is not None:
+            return self._by_windows(data.name, A, self.window)
         n, M = A.shape
         offset = column_mean(A) if self.centred else np.zeros(n)
         weighted = self.weights != "none"
@@ -75,8 +94,7 @@ class Pod(Basis):
         if plain.total == 0.0 and self.centred:
             raise _nothing_left(data.name, M)
         if not 0.0 < plain.total < np.inf:
-            raise InputError(f"the squares of the snapshots of {data.name} overflow or underflow: "
-                             "take other units")
+            raise _beyond_numbers(data.name)
         found = self._leading(data.name, snapshots)
         U, s, level = found.U, found.values, round_off_level(n, M)
         # A A^T = V V^T + M mean mean^T for varying parts V: rounding is relative to what was stored
@@ -102,6 +120,26 @@ class Pod(Basis):
             "rank_rtol": level,
             "cut": cut,
         } | ({"passes": found.passes} if found.passes else {}))
+
+    def _by_windows(self, name: str, A: FloatArray, window: int) -> Dictionary:
+        """Orthonormal atoms (n, k) of successive parts of the snapshots A (n, M)."""
+        n, M = A.shape
+        Q, names = np.zeros((n, 0)), list[str]()
+        size = max(float(np.linalg.norm(part, axis=0).max()) for _, part in column_chunks(A))
+        if not 0.0 < size < np.inf:
+            raise _beyond_numbers(name)
+        for number, first in enumerate(range(0, M, window)):
+            part = np.array(A[:, first : first + window])
+            for _ in range(2):  # once leaves what cancellation brings back
+                part -= Q @ (Q.T @ part)
+            U, s, _ = svd(part)
+            kept = int(np.count_nonzero(s > self.tolerance * size))
+            # orthogonal to Q up to rounding of `part`, which its small singular values magnify
+            U = U[:, :kept] - Q @ (Q.T @ U[:, :kept])
+            Q = np.hstack([Q, np.linalg.qr(U)[0]])
+            names += [f"window {number}, pod {i}" for i in range(kept)]
+        return Dictionary(_oriented(Q), np.zeros(n), tuple(names), {
+            "kept": len(names), "snapshots": M, "windows": number + 1})
 
     def _leading(self, block: str, snapshots: ScaledSnapshots) -> LeadingVectors:
         """Singular vectors of the scaled snapshots: all above round-off, or the leading ones of
@@ -169,6 +207,11 @@ def _checked(data: BlockData) -> FloatArray:
             "the training run; add a load there, or leave this block out of the budgets"
         )
     return A
+
+
+def _beyond_numbers(block: str) -> InputError:
+    return InputError(
+        f"the squares of the snapshots of {block} overflow or underflow: take other units")
 
 
 def _nothing_left(block: str, M: int) -> InputError:

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from sparsemor.core import BoolArray, Columns, FloatArray, Group, Recovery, Selection, Status
-from sparsemor.core.linalg.column_subsets import pseudo_inverse
+from sparsemor.core.linalg.column_subsets import is_unit_matrix, pseudo_inverse
 from sparsemor.plugins.sparse_solvers.gram_exchange import GramExchange
 from sparsemor.plugins.sparse_solvers.newton_on_supports import Choose, SupportNewton
 from sparsemor.plugins.sparse_solvers.penalised import repeated
@@ -56,9 +56,10 @@ class GreedyGaussNewton(SupportNewton):
     def prepare(self, columns: Columns, budget: int) -> Recovery:
         """Steps 2 to 5 for constant columns; one parallel to an earlier column counts as zero. With
         candidates `all`, and rows for all columns, their pseudo-inverse gives step 3."""
-        J = np.array(columns.A)
+        J, (m, k) = np.array(columns.A), columns.A.shape
+        if is_unit_matrix(J):
+            return GreedyRecovery(self, columns, np.ones(k), (Group("", 0, k, budget),), None, None)
         J[:, repeated(J)] = 0.0
-        m, k = J.shape
         everyone = self.candidates == "all" and k <= m
         return GreedyRecovery(
             self, columns, np.sqrt(np.einsum("ij,ij->j", J, J)), (Group("", 0, k, budget),),
@@ -109,7 +110,7 @@ class GreedyRecovery:
 
     lengths (k,): column lengths, 1 or 0; inverse (k, m): pseudo-inverse of J, with which one
     product gives least squares on all columns; None where only correlated columns are candidates;
-    gram: the Gram matrix with which these are exchanged.
+    gram: the Gram matrix with which these are exchanged. Both None: J is the unit matrix.
     """
 
     solver: GreedyGaussNewton
@@ -125,6 +126,8 @@ class GreedyRecovery:
             return Selection(support, Status.NOT_FINITE)
         if self.inverse is not None:
             return self._among_all(r, c, support, self.inverse)
+        if self.gram is None:  # least squares on all columns are -r, as correlations are
+            return Selection(largest(np.abs(c - r), self.groups[0].budget or 0))
         now = pruned(c, support & (self.lengths > 0.0), self.groups)
         found = self.by_gram(r, c, support) if (now == support).all() else None
         return found or self.by_qr(r, c, support, now)

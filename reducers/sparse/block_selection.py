@@ -94,8 +94,8 @@ class BlockSelection:
         """All atoms that the rows distinguish; none where there are fewer rows than atoms."""
         J = self.columns.A
         m, k = J.shape
-        support = np.zeros(k, dtype=np.bool_)
-        if k <= m and k:
+        support = np.full(k, self.columns.unit)
+        if k <= m and k and not self.columns.unit:
             # pivoted QR: |R_ii| is the distance of column i from the span of those before it
             R, order = qr(J, mode="r", pivoting=True, check_finite=False)
             kept = np.abs(np.diag(R)) > DEPENDENT

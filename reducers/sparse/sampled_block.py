@@ -21,7 +21,7 @@ from sparsemor.core import (
     Sampler,
     StepFactors,
 )
-from sparsemor.core.linalg.column_subsets import ColumnSubsets
+from sparsemor.core.linalg.column_subsets import ColumnSubsets, is_unit_matrix
 from sparsemor.core.linalg.dense import coherence, condition_number, orthonormal, svd, unit_columns
 from sparsemor.core.model.factorizations import solve_or_fail
 from sparsemor.core.protocols.separable import HeatBody
@@ -160,6 +160,8 @@ class SampledElastic(SampledBlock[ProjectedElastic]):
     def on(self, support: IntArray | None) -> ActiveRows:
         """The active rows on a support, of all atoms if None. Raises SolveFailed."""
         active = np.arange(self.block.atoms) if support is None else support
+        if self.columns.unit.unit:
+            return ActiveRows(active, chosen=active)
         return ActiveRows(active, self.columns.left_inverse(support))
 
 
@@ -211,6 +213,9 @@ class SampledHeat(SampledBlock[ProjectedHeat]):
 
     def on(self, support: IntArray | None) -> CompressedHeat:
         """The reduced block on a support, of all atoms if None. Raises SolveFailed."""
+        if self.columns.unit.unit and support is not None and not self.body.local:
+            return CompressedHeat.of_orthonormal(
+                self.range_rows, support, self.c1, self.tolerances)
         inverse = self.columns.left_inverse(support)
         # the same in the sampled rows, under which local terms are evaluated
         rows = inverse if self.basis is None else inverse @ self.basis[:, : inverse.shape[1]].T
@@ -318,9 +323,10 @@ def row_facts(B: FloatArray, weight: FloatArray | None) -> Mapping[str, float | 
 
     `condition` is computed for unit columns, because each solve scales the columns.
     """
+    unit = is_unit_matrix(B)  # orthonormal atoms in all rows of D^-1 r
     facts: dict[str, float | int | str] = {
-        "rows": len(B), "atoms": B.shape[1], "coherence": coherence(B),
-        "condition": condition_number(unit_columns(B))}
+        "rows": len(B), "atoms": B.shape[1], "coherence": 0.0 if unit else coherence(B),
+        "condition": 1.0 if unit else condition_number(unit_columns(B))}
     if weight is not None:
         F = weight @ B
         facts |= {"coherence_after": coherence(F),
@@ -364,7 +370,8 @@ class CompressedRows(NamedTuple):
         if changing:
             return cls(left_inverse(name, atoms.T @ (D @ atoms)) @ atoms.T, np.eye(atoms.shape[1]))
         Q = span(atoms)
-        return cls(inverse_rows(model, offline, name, D, Q), Q.T @ atoms)
+        B = np.eye(Q.shape[1]) if Q is atoms else Q.T @ atoms
+        return cls(inverse_rows(model, offline, name, D, Q), B)
 
 
 def effect_of_rows(

@@ -35,22 +35,26 @@ KEPT = 16
 
 class ActiveRows(NamedTuple):
     """An elastic block on its support: its active atoms (s,), and left (s, j), the left inverse of
-    the first j of its rows; None for rows that are times the left inverse already."""
+    the first j of its rows; None for rows that are times the left inverse already. chosen (s,):
+    numbers of the rows that are these already, None for all rows."""
 
     active: IntArray
     left: FloatArray | None = None
+    chosen: IntArray | None = None
 
 
 class SampledResidual:
     """Residual of the sampled rows of all blocks, as a function of the unknowns that are not zero.
 
     A block of many atoms, of which few are active, is evaluated for those that are active or have
-    been: the others have neither coefficients nor rates.
+    been: the others have neither coefficients nor rates. chosen: elastic block -> numbers of the
+    rows that are evaluated there.
     """
 
     def __init__(self, rows: Reduced) -> None:
         layout = rows.layout
         self.rows, self.every = rows, np.ones(layout.size, dtype=np.bool_)
+        self.chosen: Mapping[str, IntArray] = {}
         self.wide = [layout[b.name] for b in layout if b.kind.reducible and b.size >= WIDE]
         self._kept: OrderedDict[bytes, Reduced] = OrderedDict()
         self._last: tuple[StepOutcome, FloatArray] | None = None
@@ -74,11 +78,12 @@ class SampledResidual:
                 size = np.abs(z[at])
                 use[at] |= size > NEGLIGIBLE * size.max()
             use[at.start] = True  # a block is never empty
-        key, numbers = use.tobytes(), np.flatnonzero(use)
+        numbers = np.flatnonzero(use)
+        key = b"".join((use.tobytes(), *(rows.tobytes() for rows in self.chosen.values())))
         if key not in self._kept:
             if len(self._kept) >= KEPT:
                 self._kept.popitem(last=False)
-            self._kept[key] = self.rows.of_atoms(numbers)
+            self._kept[key] = self.rows.of_atoms(numbers, self.chosen)
         return self._kept[key], numbers
 
     def at_solution(self, step: StepFormula, solved: StepOutcome) -> FloatArray:
@@ -98,11 +103,13 @@ class SampledResidual:
 
 
 class SupportedEquations(StepEquations):
-    """Mechanical equations on a support, for known temperatures. all_rows: rows of all blocks, at
-    the solution of a step; rows: those of mechanics.
+    """Mechanical equations on a support, for known temperatures. all_rows: rows of all blocks;
+    heat: of temperatures, at the solution of a step; rows: of mechanics.
 
     support, with blocks: of each elastic block the numbers of its active unknowns (s,), its rows,
-    and its left inverse (s, rows), None for rows that are times it already; inactive: unknowns that
+    and its left inverse (s, rows), None for rows that are times it already. Of orthonormal atoms
+    these are some of the rows, and in wide blocks the only ones that an iteration evaluates, the
+    others once, at the solution. inactive: unknowns that
     are zero; needed (n,): unknowns of mechanics that are not. sizes: norms of the rotation matrices
     of bodies with prescribed motion (`PrescribedBody.contraction`). Of a step, restricted: residual
     as a function of the unknowns that are nonzero, numbered `in_use` among all."""
@@ -111,14 +118,17 @@ class SupportedEquations(StepEquations):
     solved: IntArray
 
     def __init__(self, residual: Reduced) -> None:
-        self.all_rows, self.rows = SampledResidual(residual), SampledResidual(residual.after_heat())
+        self.all_rows = SampledResidual(residual)
+        self.heat = SampledResidual(residual.heat_alone())
+        self.rows = SampledResidual(residual.after_heat())
         self.layout, self.support = residual.layout, None
 
     support: "SupportedMechanics | None"
 
     def working(self, memory: Any = None) -> Self:
         own = copy(self)
-        own.all_rows, own.rows, own.support = self.all_rows.working(), self.rows.working(), None
+        own.all_rows, own.heat = self.all_rows.working(), self.heat.working()
+        own.rows, own.support = self.rows.working(), None
         return own
 
     def take(self, support: "SupportedMechanics") -> None:
@@ -134,21 +144,32 @@ class SupportedEquations(StepEquations):
         free[layout.first] = False
         self.support, self.inactive = support, np.flatnonzero(~support.active)
         self.needed = free.copy()
-        self.blocks: list[tuple[IntArray, slice, FloatArray | None]] = []
+        self.blocks: list[tuple[IntArray, slice | IntArray, FloatArray | None]] = []
         self.sizes: list[FloatArray] = []
+        wide = {at.start for at in self.rows.wide}
+        self.rows.chosen = {n: b.chosen for n, b in support.blocks.items()
+                            if b.chosen is not None and layout[n].start in wide}
+        numbered = rows.rows.resized({n: len(r) for n, r in self.rows.chosen.items()})
         driven = {d.at.start: d for d in rows.prescribed_bodies} if rows.linear else {}
         for name, block in support.blocks.items():
-            at, own, left = layout[name], rows.rows[name], block.left
+            at, left, own = layout[name], block.left, numbered[name]
+            equations: slice | IntArray = own
             if left is not None:  # it reads the first rows alone
-                own = slice(own.start, own.start + left.shape[1])
-            self.blocks.append((at.start + block.active, own, left))
+                equations = slice(own.start, own.start + left.shape[1])
+            elif block.chosen is not None and name not in self.rows.chosen:
+                equations = own.start + block.chosen
+            self.blocks.append((at.start + block.active, equations, left))
             if (d := driven.get(at.start)) is None:
                 continue
-            if left is None:  # beyond the leading atoms the Jacobian is the identity
+            if left is None and block.chosen is None:
+                # beyond the leading atoms the Jacobian is the identity
                 free[at.start + d.leading : at.stop] = False
                 self.sizes.append(d.sizes)
             else:  # the Jacobian is exact: no rest outside of a leading part
-                G = left @ d.generators[:, : left.shape[1], block.active]
+                if left is None:
+                    G = d.generators[:, block.active[:, None], block.active]
+                else:
+                    G = left @ d.generators[:, : left.shape[1], block.active]
                 self.sizes.append(np.stack([np.linalg.norm(G, axis=(1, 2)), np.zeros(len(G))], 1))
         self.solved = np.flatnonzero(free)
         self.price = 8 + len(self.solved) // 40  # as of `Reduced`
@@ -158,18 +179,25 @@ class SupportedEquations(StepEquations):
         equations of these alone are used (`restricted`, of the unknowns numbered `in_use`)."""
         d[self.inactive] = -step.free[self.inactive]  # x = free + d
         self.step = step
-        self.restricted, self.in_use = self.rows.on_nonzero(self.needed, *step.at(d)[:2], d)
-        if isinstance(self.in_use, slice):
-            self.restricted.inactive = self.inactive
-            self.restricted.begin(step, d)
-            return
-        use, inactive = self.in_use, np.zeros(len(d), dtype=np.bool_)
+        self.restricted, self.in_use = self._begun(self.rows, d)
+
+    def _begun(self, rows: SampledResidual, d: FloatArray) -> tuple[Reduced, IntArray | slice]:
+        """The equations of the unknowns that are nonzero, begun at the departure d (n,), in `rows`;
+        and the numbers of these unknowns."""
+        step = self.step
+        restricted, use = rows.on_nonzero(self.needed, *step.at(d)[:2], d)
+        if isinstance(use, slice):
+            restricted.inactive = self.inactive
+            restricted.begin(step, d)
+            return restricted, use
+        inactive = np.zeros(len(d), dtype=np.bool_)
         inactive[self.inactive] = True
-        self.restricted.inactive = np.flatnonzero(inactive[use])
+        restricted.inactive = np.flatnonzero(inactive[use])
         before = None if step.before is None else step.before[use]
-        self.restricted.begin(StepFormula(
-            step.t, step.c1, step.c2, step.c1_first, self.restricted.layout, step.free[use],
+        restricted.begin(StepFormula(
+            step.t, step.c1, step.c2, step.c1_first, restricted.layout, step.free[use],
             step.free_rate[use], step.h, before), d[use])
+        return restricted, use
 
     def residual(self, d: FloatArray, slope: bool = False) -> FloatArray:
         """Residual (n,): border rows, d + B^+ R of active coefficients, and the value of inactive
@@ -190,11 +218,19 @@ class SupportedEquations(StepEquations):
         departure; needed (n,): True for unknowns that are not zero."""
         d = solved.x - step.free if solved.rates is None else step.departure(
             solved.x, *solved.rates)
-        own, found = d if isinstance(self.in_use, slice) else d[self.in_use], {}
-        R = self.restricted.residual(own)
+        restricted, use, found = self.restricted, self.in_use, {}
+        if self.rows.chosen:  # all rows, not those of the support alone
+            every = copy(self.rows)
+            every.chosen = {}
+            restricted, use = self._begun(every, d)
+        R = restricted.residual(d if isinstance(use, slice) else d[use])
         for name, B in operators.items():
             found[name] = r = R[self.rows.rows.rows[name]].copy()
-            r[: len(B)] += B.dot(np.where(self.needed[at := self.layout[name]], d[at], 0.0))
+            active = np.flatnonzero(self.needed[at := self.layout[name]])
+            if name in self.rows.chosen:  # B is the unit matrix
+                r[active] += d[at][active]
+            else:
+                r[: len(B)] += B[:, active].dot(d[at][active])
         return found
 
     def jacobian(self, at: Linearisation) -> FloatArray:
@@ -250,10 +286,11 @@ class SupportedMechanics(LoopMechanics):
         found, rows = {}, self.sampled.rows.rows
         for b in rows.bodies:
             if b.operators is not None:
-                use, left = self.blocks[b.step.elastic_name]
+                use, left, chosen = self.blocks[b.step.elastic_name]
                 rates = np.hstack([b.operators.damping[:, use], b.operators.mass[:, use]])
-                found[b.step.elastic_name] = -rates if left is None else (
-                    -left @ rates[: left.shape[1]])
+                found[b.step.elastic_name] = (
+                    -left @ rates[: left.shape[1]] if left is not None else
+                    -rates if chosen is None else -rates[chosen])
         return found
 
     def solve(

@@ -79,8 +79,8 @@ class SupportedSteps:
                        mechanics=self.mechanics.on(elastic))
 
     def rows(self, at: "SolvedStep", memory: SparseMemory) -> FloatArray:
-        """Residual of all sampled rows at the solution of a step."""
-        return self.mechanics.working(memory).all_rows.at_solution(at.step, at.outcome)
+        """Residual of the sampled rows of temperatures at the solution of a step."""
+        return self.mechanics.working(memory).heat.at_solution(at.step, at.outcome)
 
     def elastic_rows(self, at: "SolvedStep", memory: SparseMemory) -> Mapping[str, FloatArray]:
         """The same of each elastic block, by the equations with which the step was solved."""

@@ -18,7 +18,7 @@ from typing import Self
 
 import numpy as np
 
-from sparsemor.core import FloatArray, StepFormula
+from sparsemor.core import FloatArray, IntArray, StepFormula
 from sparsemor.core.protocols.load_tables import times_rows
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.newton_loop import Linearisation
@@ -87,6 +87,11 @@ class PrescribedBody:
     def working(self) -> Self:
         """These rows with the constants of a step of their own."""
         return copy(self)
+
+    def of_rows(self, rows: IntArray | None) -> TimeTable:
+        """The table for the rows with these numbers alone, None for all."""
+        return self.table if rows is None else self.table.columns(
+            np.concatenate((np.arange(2 * len(self.G)), 2 * len(self.G) + rows)))
 
     def base(self, t: float) -> FloatArray:
         """The part (k,) of the rows that depends on time (s) alone."""

@@ -235,14 +235,27 @@ class ProjectedElastic:
             generators=np.ascontiguousarray(
                 self.generators.transpose(0, 2, 1)).transpose(0, 2, 1))
 
-    def of_atoms(self, use: IntArray, warm: IntArray) -> "ProjectedElastic":
+    def of_atoms(
+        self, use: IntArray, warm: IntArray, rows: IntArray | None = None
+    ) -> "ProjectedElastic":
         """These operators, without local terms, for the atoms `use` of the displacements and `warm`
-        of the temperatures."""
+        of the temperatures; in all rows (None), or in those numbered `rows` alone."""
+        def some(A: FloatArray, columns: IntArray) -> FloatArray:
+            """Columns of a matrix, or of a stack of matrices, in the rows."""
+            if rows is None or not A.size:
+                return A[..., columns] if A.size else A
+            return np.asarray(A[..., rows[:, None], columns])
+
+        test = TestMap(rows)
         return replace(
-            self, mass=self.mass[:, use], damping=self.damping[:, use],
-            stiffness=self.stiffness[:, use], generators=self.generators[:, :, use],
+            self, mass=some(self.mass, use), damping=some(self.damping, use),
+            stiffness=some(self.stiffness, use),
+            generators=some(self.generators, use) if len(self.generators) else (
+                np.zeros((0, len(test(self.constant)), len(use)))),
             quadratic=self.quadratic[:, use[:, None], use], functional=self.functional[:, use],
-            coupling=self.coupling[:, warm] if self.coupling.size else self.coupling)
+            coupling=some(self.coupling, warm), directions=test(self.directions),
+            loads=test(self.loads), constant=test(self.constant),
+            tables=test.of_tables(self.tables))
 
     def block(self, c1: float, c2: float) -> FloatArray:
         """Operator D = stiffness + c1 damping + c2 mass of a step, (m, k)."""

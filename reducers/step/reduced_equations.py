@@ -16,10 +16,11 @@ A Jacobian ("slope") is that of all rows by the unknowns, with the rates of the 
 dx' = c1 dx and dx'' = c2 dx. It is the identity but for frames, terms and temperature coupling.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from math import inf
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -439,9 +440,21 @@ class Reduced(WholeEquations):
             rows=self.rows if self.sampled else None,
             tables=[b.table for b in self.prescribed_bodies])
 
-    def of_atoms(self, use: IntArray) -> "Reduced":
-        """The equations as functions of the unknowns numbered `use` (m,); the others are zero. Rows
-        stay as they are."""
+    def heat_alone(self) -> "Reduced":
+        """The equations of the temperatures, among rows and unknowns of all blocks."""
+        first = self.layout.first
+        return Reduced(
+            self.layout, heat=self.heat, bodies=(),
+            coupled=[c for c in self.coupled if _all_inside(c.rows, first)], targets=(),
+            border=self.border, h=self.h, named=self.named,
+            rows=self.rows if self.sampled else None)
+
+    def of_atoms(
+        self, use: IntArray, chosen: Mapping[str, IntArray] = MappingProxyType({})
+    ) -> "Reduced":
+        """The equations as functions of the unknowns numbered `use` (m,); the others are zero.
+        chosen: elastic block -> numbers of the rows that it keeps; the rows of others stay as they
+        are."""
         layout, used, heat, bodies = self.layout, np.zeros(self.layout.size, np.int64), [], []
         used[use] = 1
         new_number = np.cumsum(used) - 1
@@ -459,8 +472,11 @@ class Reduced(WholeEquations):
                 continue
             warm = name[T.start] if T.stop > T.start else ""  # its thermal block
             step = replace(b.step, elastic=new[name[e.start]], thermal=new[warm] if warm else T)
-            bodies.append(BodyRows(step, b.operators.of_atoms(
-                some[name[e.start]], some[warm] if warm else np.zeros(0, np.int64)), b.factors))
+            # tabulated loads of bodies on prescribed frames are in `tables` below
+            operators = b.operators if b.factors is None else replace(b.operators, tables=())
+            bodies.append(BodyRows(step, operators.of_atoms(
+                some[name[e.start]], some[warm] if warm else np.zeros(0, np.int64),
+                chosen.get(name[e.start])), b.factors))
         coupled = []
         for c in self.coupled:
             own = np.flatnonzero(used[c.columns])
@@ -468,8 +484,9 @@ class Reduced(WholeEquations):
                 OfAtoms(c.term, own, len(c.columns)), c.rows, new_number[c.columns[own]]))
         return Reduced(
             new, heat, bodies, coupled, targets=self.targets, border=positions(new), h=self.h,
-            named=self.named, heat_first=self.heat_first, rows=self.rows,
-            tables=[b.table for b in self.prescribed_bodies])
+            named=self.named, heat_first=self.heat_first,
+            rows=self.rows.resized({n: len(r) for n, r in chosen.items()}),
+            tables=[b.of_rows(chosen.get(name[b.at.start])) for b in self.prescribed_bodies])
 
     @property
     def terms(self) -> list[tuple[ReducedTerm, IntArray]]:

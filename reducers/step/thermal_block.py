@@ -19,7 +19,7 @@ from sparsemor.reducers.linalg.active_columns import ActiveColumns, are_few
 from sparsemor.reducers.linalg.modal_coordinates import compact, dense, times
 from sparsemor.reducers.step.convergence_test import Tolerances, estimated_error
 from sparsemor.reducers.step.projected_operators import ProjectedHeat
-from sparsemor.reducers.step.time_tables import LoadsInTime, TimeTable, tabulated
+from sparsemor.reducers.step.time_tables import ChosenLoads, LoadsInTime, TimeTable, tabulated
 
 TINY = 1e-300
 """Lower bound of a temperature that divides, K."""
@@ -147,6 +147,17 @@ class CompressedHeat:
         return cls(
             compact(-left @ b.capacity), compact(-left @ b.conductivity),
             loads.table(times), support, tuple(local), c1, loads, tolerances)
+
+    @classmethod
+    def of_orthonormal(
+        cls, b: ProjectedHeat, support: IntArray, c1: float, tolerances: Tolerances
+    ) -> "CompressedHeat":
+        """Reduced block without local terms where the tested B is the unit matrix: rows and columns
+        of the support (s,)."""
+        loads = LoadsInTime(b.constant[support], b.loads[support], tuple(b.amplitudes),
+                            tuple(ChosenLoads(table, support) for table in b.tables))
+        return cls(-b.capacity[support], -b.conductivity[support], loads.table(np.zeros(0)),
+                   support, (), c1, loads, tolerances)
 
     def start_rates(self, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
         """Rates (k,) that satisfy the equations at the unknowns x, by Newton's method from the

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from scipy.sparse import issparse
 
-from sparsemor.core import Amplitude, Csr, FloatArray, Table
+from sparsemor.core import Amplitude, Csr, FloatArray, IntArray, Table
 from sparsemor.core.protocols.load_tables import LoadTable, times_rows
 from sparsemor.core.protocols.separable import amplitudes_along, evaluate_amplitudes
 from sparsemor.core.protocols.time_function import held_reads
@@ -50,6 +50,11 @@ class TimeTable:
         if held_reads() != reads:
             return cls(source, single=single)
         return cls(source, tuple(times.tolist()), rows, near, single)
+
+    def columns(self, chosen: IntArray) -> "TimeTable":
+        """The values with numbers `chosen` (l,), read from this table."""
+        return TimeTable(lambda times: self.along(times)[:, chosen],
+                         single=lambda t: self.at(t)[chosen])
 
     def parts(self) -> tuple[Any, ...]:
         return self.source, np.array(self.times), self.single
@@ -159,7 +164,27 @@ class TabulatedLoads:
         return TabulatedLoads(self.table, left @ self.left)
 
 
-Moving = Table | TabulatedLoads
+@dataclass(frozen=True, slots=True, eq=False)
+class ChosenLoads:
+    """Values of tabulated loads (T, m) in the rows `chosen` (s,), read at each evaluation."""
+
+    table: Table
+    chosen: IntArray
+
+    def at(self, t: float) -> FloatArray:
+        """Loads (s,) at time t, s."""
+        return self.table.at(t)[self.chosen]
+
+    def along(self, times: FloatArray) -> FloatArray:
+        """Loads (T, s) at times (T,), s."""
+        return self.table.along(times)[:, self.chosen]
+
+    def through(self, left: FloatArray) -> TabulatedLoads:
+        """These loads multiplied by left (l, s)."""
+        return TabulatedLoads(self.table.columns(self.chosen), left)
+
+
+Moving = Table | TabulatedLoads | ChosenLoads
 """Tabulated loads with a value (s,) at each time."""
 
 

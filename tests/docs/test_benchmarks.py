@@ -24,9 +24,10 @@ SCRIPTS = Path(__file__).parents[1] / "benchmarks"
 Printed = Callable[..., tuple[Path, str]]
 SHORT = ("cost", "compiled_steps", "chains", "accuracy", "selection", "recovery --packaged",
          "recovery --constants", "recovery --screening", "untf", "hot_pendulum", "step_sizes",
-         "third_party_reducer", "kept_model")
+         "third_party_reducer", "kept_model", "selected_fields")
 LONG = ("published", "recovery", "samplers", "hyper_reduction", "nonlinear_heat", "stability",
-        "slider_variants", "slider", "linear_solvers", "brake_disk", "brake_disk_fine", "scaling")
+        "slider_variants", "slider", "linear_solvers", "brake_disk", "brake_disk_fine", "scaling",
+        "travelling_source")
 NOT_TIMED = {"accuracy", "hyper_reduction", "stability", "step_sizes"}
 """All targets of these are of errors, which a short run keeps, too."""
 WITHOUT_ROWS = {

@@ -24,6 +24,7 @@ from sparsemor.plugins.bases.snapshot_svd import left_singular, round_off_level
         Pod(energy=0.99),
         Pod(count=3),
         Pod(energy=1.0, centred=True),
+        Pod(window=2),
     ],
     ids=repr,
 )
@@ -117,6 +118,29 @@ def test_completion_is_orthonormal_and_named() -> None:
     assert dictionary.provenance[:4] == ("pod 0", "pod 1", "pod 2", "completion 0")
     assert dictionary.info["completed"] == 27
     assert Pod(complete=True, count=7).build(block_of(A)).atoms.shape == (30, 7)
+
+
+def test_atoms_of_windows_are_orthonormal_and_a_travelling_source_needs_few() -> None:
+    """Each snapshot is represented to the tolerance, and takes a quarter of the atoms that it takes
+    of the leading vectors of the whole run."""
+    x, centres = np.linspace(0.0, 1.0, 400), np.linspace(0.1, 0.9, 240)
+    A = np.exp(-0.5 * ((x[:, None] - centres) / 0.01) ** 2)
+    made = Pod(window=20, tolerance=1e-5).build(block_of(A))
+    few, whole = made.atoms, Pod(count=made.atoms.shape[1]).build(block_of(A)).atoms
+    assert np.abs(few.T @ few - np.eye(few.shape[1])).max() < 1e-13
+    assert made.info["windows"] == 12 and made.provenance[0] == "window 0, pod 0"
+    size = np.linalg.norm(A, axis=0).max()
+
+    def needed(Q: FloatArray) -> int:
+        """Largest number of coefficients of a snapshot for an error of 1e-3."""
+        c = np.sort(np.abs(Q.T @ A), axis=0)[::-1]
+        rest = np.maximum(np.sum(A * A, axis=0) - np.cumsum(c * c, axis=0), 0.0)
+        return int((np.sqrt(rest) > 1e-3 * size).sum(axis=0).max())
+
+    assert np.linalg.norm(A - few @ (few.T @ A), axis=0).max() < 1e-3 * size
+    assert needed(few) < 0.25 * needed(whole)
+    with pytest.raises(ValidationError, match="leave out count"):
+        Pod(window=20, count=3)
 
 
 def test_the_largest_entry_of_each_atom_is_positive() -> None:

@@ -215,7 +215,7 @@ def test_a_support_needs_only_the_turned_rows_that_the_operator_reaches() -> Non
     assert len(sampled.columns.B) == min(B.shape)
     turned = sampled.compressed[0]
     for support in (np.arange(6), np.array([0, 3, 4, 7, 9, 13])):
-        active, left = sampled.on(support)
+        active, left, _ = sampled.on(support)
         assert left is not None and np.array_equal(active, support)
         for name in ("mass", "directions", "constant", "loads"):
             a = left @ getattr(turned, name)[: left.shape[1]]
