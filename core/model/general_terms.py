@@ -30,7 +30,9 @@ Touched = Mapping[str, Mapping[str, IntArray]]
 
 def general_terms(layout: Layout, records: Records) -> dict[str, list[Term]]:
     """Residual terms by the body, joint, contact or load that contributes them. A force on a
-    prescribed frame without an elastic field has no rows and gives no term."""
+    prescribed frame without an elastic field has no rows and gives no term. records.frames:
+    inertia, forces and joints of floating frames, with what they do to displacements; constraints:
+    their prescribed values alone."""
     found: dict[str, list[Term]] = {}
     owners = {b.name: b for b in records.bodies}
     made: list[tuple[Origin, Term]] = []

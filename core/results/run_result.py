@@ -56,7 +56,8 @@ class RunResult(Drawn):
     def __init__(self, path: str | Path) -> None:
         """path: folder of the store. Raises InputError if there is no result in it.
 
-        _arrays: arrays that were read, by name; _recoveries: body -> recovery of its stress;
+        _path: folder, None for a result in memory (`of`); _arrays: arrays that were read, by name;
+        _recoveries: body -> recovery of its stress;
         _folder: temporary folder that is removed with this result.
         """
         self._path: Path | None = Path(path).absolute()

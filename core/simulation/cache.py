@@ -212,9 +212,9 @@ def _folders(folder: Path) -> Iterator[tuple[Path, bool]]:
 
 
 def _files(place: Path) -> list[str] | None:
-    """Files of an entry, relative to its folder, the one by which it is known as ours last (the
-    manifest, or the header of a reference run); None if it is not ours. Raises OSError if it cannot
-    be read."""
+    """Files of an entry, relative to its folder, in the order in which they may be removed: the one
+    by which it is known as ours last (the manifest, or the header of a reference run); None if it
+    is not ours. Raises OSError if it cannot be read."""
     if place.parent.name == MACHINE_CODE:
         names_of_code = sorted(f.name for f in place.iterdir() if _MACHINE_CODE.fullmatch(f.name))
         return names_of_code or None
@@ -224,9 +224,7 @@ def _files(place: Path) -> list[str] | None:
         return list(reversed(own_result.files)) if own_result.results else None
     try:
         names = sorted({file for file, _ in _table(place).values()})
-    except FileNotFoundError:
-        return None
-    except _UNREADABLE:
+    except (FileNotFoundError, *_UNREADABLE):  # without a manifest, or with a damaged one
         return None
     return [f for f in (*names, SPENT, _MANIFEST) if os.path.lexists(place / f)]
 

@@ -175,8 +175,8 @@ class Impulse(Basis):
 
 
 def _lasting(data: BlockData) -> tuple[FloatArray, list[str]]:
-    """Directions that impulse responses need not represent, as unit columns (n, 0 to 2), and their
-    names: the uniform temperature and the initial values."""
+    """Atoms that the basis has before the impulse responses, which then need not represent them:
+    unit columns (n, 0 to 2) and their names, the uniform temperature and the initial values."""
     columns, names = [np.zeros((data.size, 0))], []
     if is_thermal(data):
         columns.append(np.full((data.size, 1), data.size**-0.5))

@@ -219,7 +219,8 @@ class BlockwiseSelection(AtomSelection):
         cls, steps: SupportedSteps, solver: SparseSolver, hysteresis: float, carried: bool,
         settled: float,
     ) -> "BlockwiseSelection":
-        """settled: tolerance of every block."""
+        """settled: tolerance of every block (`BlockSelection`)."""
+        # of the whole model, rows of heat included
         residual = steps.mechanics.sampled.all_rows.rows
         thermal, elastic = ([
             BlockSelection.from_rows(BlockRows.from_block(s, residual), solver, settled)
