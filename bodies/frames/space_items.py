@@ -79,8 +79,8 @@ def add_pull(
     m: SpaceMotion, g: float, f: Vector, z: Vector, kind: int, b: Vector, j: int, out: SpaceSums
 ) -> None:
     """Adds the derivatives of g f . A z by the attitude and by the displacements of z, which was b
-    (`kind`), to rows and sigma, and second derivatives to H, sigma_y = d sigma / dy and tau = d rows
-    / ds, which are equal, as those of one function. f: in space axes; g: a factor; j: first
+    (`kind`), to rows and sigma, and second derivatives to H, sigma_y = d sigma / dy and tau =
+    d rows / ds, which are equal, as those of one function. f: in space axes; g: a factor; j: first
     functional, the displacement or rotation of b; m.D[k]: derivative of A by attitude coordinate k,
     of n; kind 0: z does not deform; c2 = 0: without derivatives."""
     for k in range(m.n):
