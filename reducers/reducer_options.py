@@ -99,11 +99,11 @@ class ReducedStepOptions(StepOptions):
     error_estimate: Literal["auto", "on", "off"] | Annotated[int, Field(ge=0)] | ErrorEstimate = (
         "auto")
     """Estimates of each block's error, which solve the equation of the error in a space of its own,
-    without the full-order run. `on`: at so many steps that they cost about 5 % of the run, and
-    twice as large as found, since loads that act suddenly between them may be missed; `auto`: the
-    same in kept models, in `compare` and in what reducer `auto` chooses, and none in other runs;
-    `off` or 0: none. A number is that of steps from one estimate to the next. With a tolerance and
-    an action: `{every: 10, tolerance: 0.01, action: stop}`."""
+    without the full-order run. `on`: at so many steps that they cost about 5 % of the run, more of
+    them at its start, and twice as large as found, since loads that act suddenly between them may
+    be missed; `auto`: the same in kept models, in `compare` and in what reducer `auto` chooses, and
+    none in other runs; `off` or 0: none. A number is that of steps from one estimate to the next.
+    With a tolerance and an action: `{every: 10, tolerance: 0.01, action: stop}`."""
 
     @property
     def error_limit(self) -> ErrorLimit:

@@ -232,8 +232,8 @@ class ErrorEstimator(Protocol):
     """Estimator of the error x_full - x_reduced of a reduced run against the full-order run of the
     same steps.
 
-    every: number of steps from one estimate to the next; blocks: names of the blocks with an
-    estimate; notes: blocks without one, with the reason.
+    every: number of steps from one estimate to the next, at most (`due`); blocks: names of the
+    blocks with an estimate; notes: blocks without one, with the reason.
     """
 
     @property
@@ -242,6 +242,11 @@ class ErrorEstimator(Protocol):
     def blocks(self) -> tuple[str, ...]: ...
     @property
     def notes(self) -> tuple[Note, ...]: ...
+    def due(self, step: int) -> bool:
+        """True if there is an estimate after a step of this number, counted from the start of the
+        run: at least after each `every`-th."""
+        return step % self.every == 0
+
     def start(self, full: State, reduced: State) -> dict[str, FloatArray]:
         """Memory of the estimate at the start of a run, from its initial state in the unknowns of
         the full model and in those of the reduced one."""
@@ -258,9 +263,10 @@ class ErrorEstimator(Protocol):
     def advance(
         self, paths: Sequence[Sequence[State]], memory: dict[str, FloatArray]
     ) -> Mapping[str, FloatArray]:
-        """Block -> norms (j,) of its estimated error at the ends of j successive paths, each of
-        `every` states of the reduced run, step by step; the first begins after the state of
-        `memory`, which is brought to the last. After a restart the first path may be shorter."""
+        """Block -> norms (j,) of its estimated error at the ends of j successive paths, the states
+        of the reduced run, step by step, to a step with an estimate (`due`); the first begins after
+        the state of `memory`, which is brought to the last. After a restart the first path may be
+        shorter."""
         ...
 
     def carry(self, count: int, memory: dict[str, FloatArray]) -> Mapping[str, FloatArray]:

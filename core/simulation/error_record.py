@@ -11,7 +11,7 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols.integrator import State
 from sparsemor.core.protocols.reducer import ErrorEstimator
 
-TOGETHER = 64
+TOGETHER = 256
 """Least number of states that are evaluated at once: products of matrices instead of vectors."""
 
 LARGEST = float(np.finfo(np.float64).max)
@@ -74,7 +74,7 @@ class ErrorRecord:
     def take(self, state: State, step: int) -> None:
         """The state after a step of this number, counted from the start of the run."""
         self._path.append(state)
-        if step % self.estimator.every:
+        if step % self.estimator.every if self.exact else not self.estimator.due(step):
             return
         self._pending.append(self._path)
         self._path = []

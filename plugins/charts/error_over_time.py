@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols.layout import FieldKind
 from sparsemor.core.results.error_norms import LIMIT, Errors, measure_titles
 from sparsemor.core.status import Status
@@ -27,8 +28,8 @@ if TYPE_CHECKING:
 _LOWEST, _HIGHEST = 1e-16, 1e4  # a diverged run leaves the picture, the others stay legible
 _MOST_POINTS = 2000
 BAND = 0.1, 2.0
-"""Factors of an estimated error between which the error is expected (docs/validation/estimates.md).
-"""
+"""Factors of the largest estimated error so far between which the largest error so far is expected
+(docs/validation/estimates.md)."""
 
 
 def error_over_time_figure(
@@ -38,11 +39,11 @@ def error_over_time_figure(
     """Errors over time on a logarithmic axis, one panel per error measure; None if there is no
     error above 0.
 
-    A dotted line of the same colour is the error that a run estimated for itself, in a band of a
-    tenth to twice its size, in which errors are found. A line marks `limit`
-    where an error exceeds it. Fields that are constant in all runs have no panel. measured: run ->
-    errors; kinds: kinds of the runs' fields, in the order of the panels; trained_to: end of
-    training, s, which is marked, 0 for none.
+    A dotted line of the same colour is the largest error so far that a run estimated for itself, in
+    a band of a tenth to twice its size: the largest error so far is found in it. A line marks
+    `limit` where an error exceeds it. Fields that are constant in all runs have no panel.
+    measured: run -> errors; kinds: kinds of the runs' fields, in the order of the panels;
+    trained_to: end of training, s, which is marked, 0 for none.
     """
     titles = {m: title for m, title in measure_titles(kinds).items() if m != "angle_rad"}
     names = [m for m in titles if any(_positive(e, m) for e in measured.values())
@@ -63,8 +64,8 @@ def error_over_time_figure(
                 draw_line(axes, clock.factor * errors.times[::every], shown, number,
                           label_of(run, statuses[run]))
                 if measure in errors.estimated:
-                    guess, colour = errors.estimated[measure][::every], style_of(number).colour
-                    guess, at = np.where(guess > 0.0, guess, np.nan), errors.times[::every]
+                    colour = style_of(number).colour
+                    guess, at = estimates(errors.times, errors.estimated[measure])
                     axes.plot(clock.factor * at, guess, color=colour, linestyle=":", linewidth=1.4,
                               label=f"{run}, estimated")
                     least, most = BAND
@@ -93,6 +94,14 @@ def error_over_time_figure(
                            for text in axes.get_legend_handles_labels()[1])
     legend_above(figure, handles_of(panels, labels), columns=2)
     return figure
+
+
+def estimates(times: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The largest estimate up to each of those among stored `values` (j,), between which the last
+    one counts, and to the last stored time, with their times; not a number where they are 0."""
+    at = np.append(np.flatnonzero(np.diff(values)) + 1, len(values) - 1)
+    at, values = at[:: max(1, len(at) // _MOST_POINTS)], np.maximum.accumulate(values)
+    return np.where(values[at] > 0.0, values[at], np.nan), times[at]
 
 
 def _positive(errors: Errors, measure: str) -> bool:

@@ -38,16 +38,13 @@ from sparsemor.core.protocols.poses import FREE_POSE
 from sparsemor.core.protocols.step_amplitude import Substep, substep
 from sparsemor.reducers.estimation.bordered_modes import BorderedModes
 from sparsemor.reducers.estimation.error_space import ErrorSpace
-from sparsemor.reducers.estimation.modal_steps import error_rules, error_start
+from sparsemor.reducers.estimation.modal_steps import begins, error_rules, error_start
 from sparsemor.reducers.estimation.reduced_states import StateMap, ranges
 from sparsemor.reducers.step.jacobian_factors import Factor
 from sparsemor.reducers.step.reduced_equations import Reduced
 
 ITERATIONS = 5
 """Largest number of iterations with one Jacobian at an estimate, if it has the run's own steps."""
-FIRST = 2
-"""Number of steps at the start of a run of which the errors count, too, where estimates are few:
-vibrations by inconsistent initial accelerations are largest there."""
 ACCURACY = 1e-3
 """Relative change of the errors of each block at which the iteration ends."""
 
@@ -77,11 +74,11 @@ class CoupledErrors:
     """Estimator of errors (`ErrorEstimator`) by the equations of the whole model on the spaces of
     errors. every: steps between two estimates, over which the error equation takes one step of
     size h, s, or several so that frames turn at most by `turn`, rad, in each; full, reduced:
-    layouts of the full-order and of the reduced model; margin: factor of estimates by long
-    steps; blocks: those with an estimate, displacements, temperatures and rigid coordinates;
+    layouts of the full-order and of the reduced model; first: number of first steps with an
+    estimate each (`begins`); margin: factor of the estimates;
+    blocks: those with an estimate, displacements, temperatures and rigid coordinates;
     varying: True if the tangents of the equations are not nearly those of the spaces; passes:
-    Newton iterations of a long step, 2 if terms that are not linear read temperatures and act on
-    displacements."""
+    Newton iterations of a long step."""
 
     every: int
     h: float
@@ -91,6 +88,7 @@ class CoupledErrors:
     reduced: Layout
     integrator: Integrator
     turn: float
+    first: int
     margin: float
     varying: bool
     passes: int
@@ -99,6 +97,9 @@ class CoupledErrors:
     @property
     def blocks(self) -> tuple[str, ...]:
         return tuple(b.name for b in self.equations.layout.differential)
+
+    def due(self, step: int) -> bool:
+        return step % self.every == 0 or begins(step, self.every, self.first)
 
     def start(self, full: State, reduced: State) -> dict[str, FloatArray]:
         """Memory of the estimate at the start of a run: errors (s, n), full less reduced, of the
@@ -135,7 +136,7 @@ class CoupledErrors:
 
     def present(self, memory: Mapping[str, FloatArray]) -> dict[str, float]:
         """Estimated error norm of each block at present."""
-        return self._norms(memory["errors"][0], memory["outside"][0], int(memory["steps"]))
+        return self._norms(memory["errors"][0], memory["outside"][0])
 
     def advance(
         self, paths: Sequence[Sequence[State]], memory: dict[str, FloatArray]
@@ -144,25 +145,20 @@ class CoupledErrors:
         states of the run; `memory` is brought to the last."""
         if not paths:
             return {n: np.zeros(0) for n in self.blocks}
-        # steps of the run in one of the error equation; 0: the first estimate of a run
-        copy, stride = self.working(), int(memory["steps"])
-        first, chosen = stride == 0, list[Sequence[State]]()
+        stride = self._last_stride(memory)
+        chosen: list[Sequence[State]] = []
         for path in paths:  # every `stride`-th state, the last one included
-            stride = self._stride(path[-1], stride or self.every)
+            stride = self._stride(path[-1], stride)
             chosen.append(path[(len(path) - 1) % stride :: stride])
-        # few estimates of a vibrating model: the first estimate includes errors of its first steps
-        vibrates = any(b.kind.order == 2 for b in self.equations.layout)
-        first_states = paths[0][:FIRST] if (
-            first and vibrates and np.isinf(self.turn) and self.every > 1) else ()
-        projected = iter(self.projected(
-            [s for path in (first_states, *chosen) for s in path]))
+        run = self.projected([s for path in chosen for s in path])
         with substep(Substep(self.h / self.every)):  # laws of steps, such as heat that is stored
-            start = copy._advanced([next(projected) for _ in first_states], dict(memory))
-            norms = [copy._advanced([next(projected) for _ in path], memory) for path in chosen]
-        # the first estimate: the largest error of the first steps and at its own end
-        norms[0] = {n: np.append(start[n], values[-1]).max(keepdims=True)
-                    for n, values in norms[0].items()}
-        return {n: np.array([values[n][-1] for values in norms]) for n in self.blocks}
+            found = self.working()._advanced(run, memory)
+        ends = np.cumsum([len(path) for path in chosen]) - 1
+        return {n: values[ends] for n, values in found.items()}
+
+    def _last_stride(self, memory: Mapping[str, FloatArray]) -> int:
+        """Number of the run's steps in one step of the error equation up to now."""
+        return self.every if self.first else int(memory["steps"]) or self.every
 
     def _stride(self, state: State, before: int) -> int:
         """Number of the run's steps in one step of the error equation, at a state of the run: the
@@ -183,10 +179,11 @@ class CoupledErrors:
         """The same for `count` estimates along full-order steps, to which no error is added: by the
         equations at the last state that was reduced, with zero residual there."""
         at, own = StateAt(float(memory["time"]), *memory["reduced"]), self.working()
-        each = self.every // (int(memory["steps"]) or self.every)
+        stride = self._last_stride(memory)
+        each = self.every // stride
         with substep(Substep(self.h / self.every)):
             found = own._advanced(
-                [(at, memory["outside"])] * (each * count), memory, own.residual(at))
+                [(at, memory["outside"])] * (each * count), memory, own.residual(at), stride)
         return {n: values[each - 1 :: each] for n, values in found.items()}
 
     def working(self) -> "CoupledErrors":
@@ -195,25 +192,25 @@ class CoupledErrors:
 
     def _advanced(
         self, run: Sequence[tuple[StateAt, FloatArray]], memory: dict[str, FloatArray],
-        permitted: FloatArray | float = 0.0
+        permitted: FloatArray | float = 0.0, steps: int = 0
     ) -> dict[str, FloatArray]:
         """Error norms of each block after a step of the error equation to each of these states,
         which come with their parts (3, m) outside of the error spaces; `memory` is brought to the
         last. Where the number of the run's steps in one changes, the integrator's history begins
-        anew. permitted: residual (n,) that the error equation keeps."""
+        anew. permitted: residual (n,) that the error equation keeps; steps: number of the run's
+        steps to each state, 0 where their times show it, which steps of full order keep."""
         found: dict[str, list[float]] = {n: [] for n in self.blocks}
         for at, outside in run:
             x, v, a, *history = memory["errors"]
             start, before, h = float(memory["time"]), int(memory["steps"]), self.h / self.every
-            # steps of full order keep the time
-            count = round((at.t - start) / h) if at.t > start else before or self.every
+            count = steps or max(round((at.t - start) / h), 1)
             error = State(
                 at.t - count * h, x, v, a, np.reshape(history, (len(history), len(x))).T)
             if count != before:
                 error = error_start(self.integrator, count, self.equations.layout, error)
             error = self._step(at, error, count, permitted)
             memory |= self._memory(error, at, outside, count)
-            for n, norm in self._norms(error.x, outside[0], count).items():
+            for n, norm in self._norms(error.x, outside[0]).items():
                 found[n].append(norm)
         return {n: np.array(v) for n, v in found.items()}
 
@@ -288,18 +285,17 @@ class CoupledErrors:
         return ranges({b.name: sizes[b.name] for b in self.equations.layout
                        if sizes.get(b.name)})
 
-    def _norms(self, e: FloatArray, outside: FloatArray, count: int) -> dict[str, float]:
-        """Estimates of each block from errors e (n,) after a step over `count` of the run's, and
-        parts (m,) outside of the error spaces; times `margin` after long steps. space.norm (q, q):
-        |norm e| is the length of the error of the block's q modes in its n unknowns."""
-        margin = 1.0 if count <= 1 else self.margin
+    def _norms(self, e: FloatArray, outside: FloatArray) -> dict[str, float]:
+        """Estimates of each block from errors e (n,) and parts (m,) outside of the error spaces,
+        times `margin`. space.norm (q, q): |norm e| is the length of the error of the block's q
+        modes in its n unknowns."""
         layout, norms = self.equations.layout, {b.name: b.space.norm for b in self.spaces}
         rest = self._outside
         found = {}
         for n in self.blocks:
             inside = norms[n] @ e[layout[n]] if n in norms else e[layout[n]]
             both = np.concatenate([inside, outside[rest.get(n, slice(0, 0))]])
-            found[n] = margin * float(np.linalg.norm(both))
+            found[n] = self.margin * float(np.linalg.norm(both))
         return found
 
     @staticmethod

@@ -17,6 +17,8 @@ from sparsemor.core import (
     information,
 )
 from sparsemor.core.linalg.dense import least_squares_coefficients
+from sparsemor.core.model.initial_state import resolved_start
+from sparsemor.core.model.model import Model
 from sparsemor.core.protocols.separable import HeatBody, MovingBody
 from sparsemor.reducers.estimation.coupled_errors import CoupledErrors, ReducedBlock
 from sparsemor.reducers.estimation.error_space import (
@@ -46,25 +48,27 @@ TURN = 0.1
 """Largest rotation of a frame in one step of the error equation, rad, unless the run's own steps
 turn it further, or estimates are few."""
 SUDDEN = 2.0
-"""Factor of few estimates: the largest displacement under a load that acts suddenly relative to the
-static one, which is what long steps find."""
+"""Factor of few estimates: the largest displacement under a load that acts suddenly, relative to
+the static one, which is what long steps find. Of linear blocks with prescribed frames, whose errors
+take the run's own steps, it covers what residuals do between two estimates."""
 Active: TypeAlias = Callable[[str, int], int]
 """Largest number of active atoms of a block, by its name and the number of its atoms."""
 
 
 def error_model(
     problem: ReducedProblem, solver: StepSolver, every: int,
-    active: Active = lambda _, atoms: atoms, at_few_steps: bool = False,
+    active: Active = lambda _, atoms: atoms, at_few_steps: bool = False, first: int = 0,
 ) -> ErrorModel | CoupledErrors:
     """Error model of the runs of `solver`, for every `every`-th step: by blocks where the motion of
     frames is prescribed and all terms are linear, else of the whole model. active: largest number
     of active atoms of a block with so many atoms; at_few_steps: True for estimates that are as few
-    as their cost permits, between which frames may turn far and loads act suddenly.
+    as their cost permits, between which frames may turn far and loads act suddenly; first: number
+    of first steps with an estimate each.
 
     Raises SolveFailed where an operator of a block cannot be factorized.
     """
     whole = is_whole(problem.model)
-    build = _ErrorSystems(problem, solver, every, whole, active, at_few_steps)
+    build = _ErrorSystems(problem, solver, every, whole, active, at_few_steps, first)
     return build.coupled() if whole else build.by_blocks()
 
 
@@ -75,24 +79,37 @@ def is_whole(model: AssembledModel) -> bool:
     return bool(s.elastic_local or any(b.local for b in s.heat) or s.border_size or s.between)
 
 
+def iterations(model: AssembledModel) -> int:
+    """Newton iterations of a long step of the errors of the whole model: 2 where its linearisation
+    is far from them, as frames turn far in such a step, or terms that are not linear read
+    temperatures and act on displacements."""
+    return 2 if model.separated.elastic_local or model.separated.border_size else 1
+
+
 class _ErrorSystems:
     """Error spaces and equations of all blocks, one after the other: those of heat first, whose
-    errors act on displacements. h: step of the error equation, s, over `every` steps of the run;
-    step: its factors; turn, margin: see `CoupledErrors`."""
+    errors act on displacements. h: `every` steps of the run, s, which the error equation of the
+    whole model takes at once; step: factors of the steps of the error equations; turn, margin: see
+    `CoupledErrors`."""
 
     def __init__(
         self, problem: ReducedProblem, solver: StepSolver, every: int, whole: bool,
-        active: Active, at_few_steps: bool,
+        active: Active, at_few_steps: bool, first: int,
     ) -> None:
         """every: steps of the run from one estimate to the next; whole: True if the errors of all
         blocks are solved together; active: largest number of active atoms, by block name and number
         of atoms; at_few_steps: frames may turn at will between two estimates, and loads act
-        suddenly. turn: largest rotation of a frame in a step, rad; margin: factor of estimates."""
+        suddenly. turn: largest rotation of a frame in a step, rad; margin: factor of estimates;
+        first: number of first steps with an estimate each."""
+        self.few, self.first = at_few_steps, first
         self.turn, self.margin = (np.inf, SUDDEN) if at_few_steps else (TURN, 1.0)
         self.problem, self.solver, self.every, self.whole = problem, solver, every, whole
         self.model = problem.model
         self.h = every * problem.step
-        self.step = StepFactors(self.h, *problem.integrator.rules(self.h).factors)
+        step = self.h if whole else problem.step
+        self.step = StepFactors(step, *problem.integrator.rules(step).factors)
+        assert isinstance(problem.model, Model)
+        self.start = resolved_start(problem.model, problem.integrator, problem.step).state
         self.notes: list[Note] = []
         self.local = ElementForces(problem)
         self.active = active
@@ -110,7 +127,7 @@ class _ErrorSystems:
                 m, np.zeros((0, 0)) if hot is None else hot.modes)
         blocks = _Coordinates(self, spaces)  # bases in which the residuals are evaluated
         return ErrorModel.of(
-            self.every, self.margin, self.problem.step, [blocks.heat(b) for b in warm],
+            self.every, self.first, self.margin, self.problem.step, [blocks.heat(b) for b in warm],
             [blocks.elastic(m) for m in moving], self.model.layout, self.solver.layout,
             blocks.layout, self.problem.integrator, self.notes)
 
@@ -137,7 +154,7 @@ class _ErrorSystems:
             warm = spaces.get(m.thermal)
             if self.every > 1 and self.local.has_nonlinear_stiffness(m):
                 # estimates that nobody asked for are no reason for a warning
-                note = Note if np.isfinite(self.turn) else information
+                note = information if self.few else Note
                 self.notes.append(note(
                     f"the error of {m.elastic} is estimated by one step for {self.every} of the "
                     "run, which misses fast residuals: with a stiffness that depends on the "
@@ -165,8 +182,8 @@ class _ErrorSystems:
             every=self.every, h=self.h, spaces=tuple(blocks),
             equations=dense_equations(projected, by_elements=True), full=self.model.layout,
             reduced=self.solver.layout, integrator=self.problem.integrator, turn=self.turn,
-            margin=self.margin, varying=varying, passes=2 if separated.elastic_local else 1,
-            notes=tuple(self.notes))
+            first=self.first, margin=self.margin, varying=varying,
+            passes=iterations(self.model), notes=tuple(self.notes))
 
     def dictionary(self, name: str) -> Dictionary:
         """Trial basis of a block; all its unknowns where it is not reduced."""
@@ -209,7 +226,7 @@ class _ErrorSystems:
         """Space of the errors of a block with atoms d; columns (n, j): what its residual consists
         of."""
         model, at = self.model, self.model.layout[name]
-        starts = np.column_stack([model.x0[at] - d.offset, model.v0[at]])
+        starts = np.column_stack([model.x0[at] - d.offset, self.start.v[at], self.start.a[at]])
         return error_space(
             name, model, operators, atoms=d.atoms, sources=columns, starts=starts, step=self.step,
             offline=self.problem.offline, coupled=self.whole)

@@ -18,11 +18,7 @@ import numpy as np
 
 from sparsemor.core import FloatArray, Integrator, Layout, Note, State, UpdateRule
 from sparsemor.reducers.estimation.error_space import ErrorSpace
-from sparsemor.reducers.estimation.modal_steps import (
-    ModalSteps,
-    error_rules,
-    error_start,
-)
+from sparsemor.reducers.estimation.modal_steps import ModalSteps, begins
 from sparsemor.reducers.estimation.reduced_states import StateMap, ranges
 from sparsemor.reducers.estimation.residuals import ElasticResidual, HeatResidual, Trajectory
 
@@ -53,27 +49,31 @@ class BlockErrors:
         on = self.space.coefficients
         return on(x), on(rate), on(second)
 
-    def force(
-        self, run: Trajectory | int, errors: Mapping[str, FloatArray]
-    ) -> FloatArray:
-        """Loads (j, q) of the error equation at j states: minus the residual, which is 0 at j
-        states of full order, and those of the errors (j, qT) of temperatures."""
-        f = np.zeros((run, self.space.size)) if isinstance(run, int) else -self.residual(run)
-        return f if self.warmth is None else f + errors[self.heat] @ self.warmth
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BlockSteps:
+    """Steps of the modes of all thermal and of all elastic blocks."""
+
+    first: ModalSteps
+    second: ModalSteps
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ErrorModel:
     """Estimator of errors (`ErrorEstimator`). heat, elastic: blocks of first and second order;
     layout: their modes; reduced: layout of the reduced model; coordinates: that of its states in
-    the coordinates that residuals are evaluated in; every: steps between two estimates, over which
-    the error equation takes one step (`error_rules`); margin: factor of the estimates; first,
-    second: steps of the modes of all thermal and of all elastic blocks.
+    the coordinates that residuals are evaluated in; every: steps between two estimates, the only
+    ones at which residuals are evaluated; first: number of first steps with an estimate
+    each (`begins`); margin: factor of the estimates; single, whole: one
+    step and `every` steps of the modes by the run's integrator, under residuals that are
+    interpolated linearly, so that errors vibrate as in the run.
 
     Memory of a run: "first", "second": modal errors [x, x', x'', history] (s, q) of the blocks of
-    each order; "outside" (3, m): parts of the last state outside of the error spaces."""
+    each order; "residuals" (q,): of all blocks at the last estimate, in the order of `layout`;
+    "outside" (3, m): parts of the last state outside of the error spaces."""
 
     every: int
+    first: int
     margin: float
     heat: tuple[BlockErrors, ...]
     elastic: tuple[BlockErrors, ...]
@@ -81,28 +81,33 @@ class ErrorModel:
     reduced: Layout
     coordinates: Layout
     integrator: Integrator
-    first: ModalSteps
-    second: ModalSteps
+    single: BlockSteps
+    whole: BlockSteps
     notes: tuple[Note, ...]
 
     @classmethod
     def of(
-        cls, every: int, margin: float, h: float, heat: Sequence[BlockErrors],
+        cls, every: int, first: int, margin: float, h: float, heat: Sequence[BlockErrors],
         elastic: Sequence[BlockErrors], full: Layout, reduced: Layout, coordinates: Layout,
         integrator: Integrator, notes: Sequence[Note],
     ) -> "ErrorModel":
-        """Error model for every `every`-th step of size h, s; margin: factor of the estimates;
-        full, reduced: layouts of the full model and of the reduced one; coordinates: layout of
-        reduced states in the coordinates that residuals are evaluated in."""
+        """Error model for every `every`-th step of size h, s; first, margin: as above; full,
+        reduced: layouts of the full model and of the reduced one; coordinates: layout of reduced
+        states in the coordinates that residuals are evaluated in."""
         layout = Layout([full.block(b.name).resized(b.space.size) for b in (*heat, *elastic)])
-        rules = error_rules(integrator, every, h)
-        return cls(every, margin, tuple(heat), tuple(elastic), layout, reduced, coordinates,
-                   integrator, first=_steps_of(rules.first, heat),
-                   second=_steps_of(rules.second, elastic), notes=tuple(notes))
+        rules = integrator.rules(h)
+        single, whole = (
+            BlockSteps(_steps_of(rules.first, n, heat), _steps_of(rules.second, n, elastic))
+            for n in (1, every))
+        return cls(every, first, margin, tuple(heat), tuple(elastic), layout, reduced, coordinates,
+                   integrator, single, whole, notes=tuple(notes))
 
     @property
     def blocks(self) -> tuple[str, ...]:
         return tuple(b.name for b in (*self.elastic, *self.heat))
+
+    def due(self, step: int) -> bool:
+        return step % self.every == 0 or begins(step, self.every, self.first)
 
     def start(self, full: State, reduced: State) -> dict[str, FloatArray]:
         """Memory of the estimate at the start of a run: modal errors (s, q) of the initial state
@@ -113,11 +118,12 @@ class ErrorModel:
             z[:, self.layout[b.name]] = b.starts(full, reduced)
         x, v, a = z
         error = State(full.t, x, v, a, np.zeros((self.layout.size, 0)))
-        state = error_start(self.integrator, self.every, self.layout, error)
+        state = self.integrator.start(self.layout, error)
         rows = np.vstack([state.x, state.v, state.a, state.memory.T])
-        at = Trajectory(np.array([reduced.t]), reduced.x[None], reduced.v[None], reduced.a[None])
+        at, outside = self._projected(Trajectory(
+            np.array([reduced.t]), reduced.x[None], reduced.v[None], reduced.a[None]))
         return {"first": rows[:, self.layout.first], "second": rows[:, self.layout.second],
-                "outside": self._projected(at)[1][:, -1]}
+                "residuals": self._residuals(at)[0], "outside": outside[:, -1]}
 
     def corrected(self, full: State, memory: Mapping[str, FloatArray]) -> State:
         """A state of the full model plus the estimated errors and their rates."""
@@ -145,43 +151,75 @@ class ErrorModel:
         self, paths: Sequence[Sequence[State]], memory: dict[str, FloatArray]
     ) -> dict[str, FloatArray]:
         """Estimated error norms (j,) of each block at the ends of j successive paths of `every`
-        states of the run; `memory` is brought to the last. Only the ends are read."""
+        states of the run, or fewer; `memory` is brought to the last. Only the ends are read."""
         if not paths:
             return {name: np.zeros(0) for name in self.blocks}
-        states = [path[-1] for path in paths]
-        run = Trajectory(np.array([s.t for s in states]), *(
-            np.stack([getattr(s, which) for s in states]) for which in "xva"))
-        return self._advanced(run, len(states), memory)
+        states, counts = [path[-1] for path in paths], [len(path) for path in paths]
+        at, outside = self._projected(Trajectory(np.array([s.t for s in states]), *(
+            np.stack([getattr(s, which) for s in states]) for which in "xva")))
+        return self._advanced(self._residuals(at), outside, counts, memory)
 
     def carry(self, count: int, memory: dict[str, FloatArray]) -> dict[str, FloatArray]:
         """The same for `count` estimates along full-order steps, to which no error is added."""
-        return self._advanced(count, count, memory)
+        memory["residuals"] = np.zeros(self.layout.size)
+        return self._advanced(
+            np.zeros((count, self.layout.size)),
+            np.repeat(memory["outside"][:, None], count, axis=1), [self.every] * count, memory)
+
+    def _residuals(self, run: Trajectory) -> FloatArray:
+        """Residuals (j, q) of all blocks at j states, in the order of `layout`."""
+        found = np.zeros((len(run.times), self.layout.size))
+        for b in (*self.heat, *self.elastic):
+            found[:, self.layout[b.name]] = b.residual(run)
+        return found
 
     def _advanced(
-        self, run: Trajectory | int, count: int, memory: dict[str, FloatArray]
+        self, residuals: FloatArray, outside: FloatArray, counts: Sequence[int],
+        memory: dict[str, FloatArray]
     ) -> dict[str, FloatArray]:
-        """Error norms (count,) of each block after as many estimates along reduced states, or along
-        full-order steps if `run` is their number, brought to `memory`; errors of heat first, which
-        load displacements. Parts of states outside of the error space (reduced_states.py) are
-        errors as they are."""
-        found: dict[str, FloatArray] = {}
-        modal: dict[str, FloatArray] = {}  # block -> errors of its modes (count, q)
-        if isinstance(run, int):
-            outside = np.repeat(memory["outside"][:, None], count, axis=1)
-        else:
-            run, outside = self._projected(run)
-        for blocks, which, steps in ((self.heat, "first", self.first),
-                                     (self.elastic, "second", self.second)):
-            loads = [np.zeros((count, 0)), *(b.force(run, modal) for b in blocks)]
-            memory[which], x = steps.advance(memory[which], np.hstack(loads))
-            for b, at in modes_of(blocks):
-                modal[b.name] = x[:, at]
-                found[b.name] = np.linalg.norm(x[:, at] @ b.space.norm.T, axis=1)
+        """Error norms (j,) of each block at j estimates with residuals (j, q), so many steps
+        (`counts`) after each other, brought to `memory`. Parts (3, j, m) of states outside of the
+        error space (reduced_states.py) are errors as they are."""
+        known: dict[str, list[FloatArray]] = {b.name: [] for b in (*self.heat, *self.elastic)}
+        for r, count in zip(residuals, counts, strict=True):
+            if count == self.every:
+                self._step(self.whole, r, memory)
+            else:  # step by step
+                for part in np.linspace(memory["residuals"], r, count + 1)[1:]:
+                    self._step(self.single, part, memory)
+            for blocks, which in ((self.heat, "first"), (self.elastic, "second")):
+                for b, at in modes_of(blocks):
+                    known[b.name].append(memory[which][0, at])
+        found = {b.name: np.linalg.norm(
+            np.reshape(known[b.name], (-1, b.space.size)) @ b.space.norm.T, axis=1)
+            for b in (*self.heat, *self.elastic)}
         for b, at in self._outside:
             found[b.name] = np.hypot(found[b.name], np.linalg.norm(outside[0][:, at], axis=1))
-        if count:
+        if counts:
             memory["outside"] = outside[:, -1]
         return {n: self.margin * norms for n, norms in found.items()}
+
+    def _step(
+        self, steps: BlockSteps, residual: FloatArray, memory: dict[str, FloatArray]
+    ) -> None:
+        """Brings the errors in `memory` by these steps to where the residual of all blocks is
+        `residual` (q,): first those of heat, which load displacements."""
+        first, second = self.layout.first, self.layout.second
+        before = self._loads(memory["residuals"], memory["first"])
+        memory["first"] = steps.first.advance(memory["first"], before[first], -residual[first])
+        after = self._loads(residual, memory["first"])
+        memory["second"] = steps.second.advance(memory["second"], before[second], after[second])
+        memory["residuals"] = residual
+
+    def _loads(self, residual: FloatArray, heat: FloatArray) -> FloatArray:
+        """Loads (q,) of the error equations: minus the residual (q,), and those of the errors of
+        temperatures with modal errors `heat` (s, qT)."""
+        loads, start = -residual, self.layout.first.start
+        for b in self.elastic:
+            if b.warmth is not None:
+                at = self.layout[b.heat]
+                loads[self.layout[b.name]] += heat[0, at.start - start : at.stop - start] @ b.warmth
+        return loads
 
     @property
     def _outside(self) -> list[tuple[BlockErrors, slice]]:
@@ -210,11 +248,11 @@ class ErrorModel:
         return Trajectory(run.times, *wide), np.concatenate(list(outside.values()), axis=2)
 
 
-def _steps_of(rule: UpdateRule, blocks: Sequence[BlockErrors]) -> ModalSteps:
-    """Steps of the modes of several blocks of one order, one block after the other."""
+def _steps_of(rule: UpdateRule, count: int, blocks: Sequence[BlockErrors]) -> ModalSteps:
+    """`count` steps of the modes of several blocks of one order, one block after the other."""
     none, spaces = np.zeros(0), [b.space for b in blocks]
     return ModalSteps.from_rule(
-        rule, stiffness=np.concatenate([none, *(s.stiffness for s in spaces)]),
+        rule, count, stiffness=np.concatenate([none, *(s.stiffness for s in spaces)]),
         damping=np.concatenate([none, *(s.damping for s in spaces)]),
         mass=np.concatenate([none, *(s.mass for s in spaces)]))
 

@@ -1,11 +1,24 @@
-"""Time steps of error equations: those of the run, or longer ones from one estimate to the next,
-and steps of uncoupled modes k x + d x' + m x'' = f."""
+"""Time steps of error equations: those of the run, or longer ones from one estimate to the next;
+and the steps of the run for uncoupled modes k x + d x' + m x'' = f, many at a time."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from sparsemor.core import FloatArray, Integrator, Layout, State, UpdateRule, UpdateRules
+
+FIRST = 4
+"""Largest number of steps at the start of a run that have an estimate each, where estimates are
+few."""
+
+
+def begins(step: int, every: int, first: int) -> bool:
+    """True for the steps before the first `every`-th that have an estimate where estimates are few:
+    the first ones, and with `FIRST` of these also 8, 16, and so on up to half of `every`. Loads
+    that act suddenly at the start let displacements vibrate, and give bodies a velocity, which one
+    long step would not find."""
+    doubled = first == FIRST and step & (step - 1) == 0 and 2 * step <= every
+    return 0 < step < every and (step <= first or doubled)
 
 
 def error_rules(integrator: Integrator, count: int, h: float) -> UpdateRules:
@@ -28,32 +41,45 @@ def error_start(integrator: Integrator, count: int, layout: Layout, error: State
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModalSteps:
-    """Step of q modes: z = transition z + load f, with z (s, q) = [x, x', x'', history of the
-    integrator] of each mode.
+    """`count` steps of q modes at a time under loads that change linearly meanwhile from f0 to f:
+    z = transition z0 + earlier f0 + later f with z (s, q) = [x, x', x'', history of the integrator]
+    of each mode.
 
-    transition (s, s, q), load (s, q). They follow from the rule z = new p + old z of a step with
-    the highest rate p, and the equation k x + d x' + m x'' = f at the end of the step, f its load.
+    transition (s, s, q), earlier and later (s, q). One step of the run is z = T z0 + L f, from the
+    rule z = new p + old z0 with the highest rate p, and the equation
+    k x + d x' + m x'' = f at its end. After
+    m of them, with loads f0 + (f - f0) i/m at the end of step i,
+
+        transition = T^m,  earlier = sum_i T^(m-i) L (1 - i/m),  later = sum_i T^(m-i) L i/m
     """
 
     transition: FloatArray
-    load: FloatArray
+    earlier: FloatArray
+    later: FloatArray
 
     @classmethod
     def from_rule(
-        cls, rule: UpdateRule, stiffness: FloatArray, damping: FloatArray, mass: FloatArray
+        cls, rule: UpdateRule, count: int, stiffness: FloatArray, damping: FloatArray,
+        mass: FloatArray
     ) -> "ModalSteps":
-        """Steps of modes with stiffness k, damping d and mass m, (q,) each; m = 0 for first-order
-        equations."""
+        """`count` steps by a rule of modes with stiffness k, damping d and mass m, (q,) each; m = 0
+        for first-order equations."""
         factors = np.stack([stiffness, damping, mass])
-        load = rule.new[:, None] / (rule.new[:3] @ factors)
+        load = rule.new[:, None] / (rule.new[:3] @ factors)  # L (s, q)
         forces = rule.old[:3].T @ factors  # (s, q): those of the old state at zero highest rate
-        return cls(rule.old[:, :, None] - load[:, None] * forces, load)
+        one = rule.old[:, :, None] - load[:, None] * forces  # T (s, s, q)
+        power = np.repeat(np.eye(len(load))[:, :, None], load.shape[1], axis=2)  # T^(m-i)
+        earlier, later = np.zeros_like(load), np.zeros_like(load)
+        for i in range(count, 0, -1):
+            response = (power * load).sum(axis=1)
+            earlier += response * (1.0 - i / count)
+            later += response * (i / count)
+            power = (power[:, :, None] * one).sum(axis=1)
+        return cls(power, earlier, later)
 
-    def advance(self, z: FloatArray, f: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """State z (s, q) after j steps with loads f (j, q), and the values x (j, q) at each."""
-        x = np.empty_like(f)
-        for i, force in enumerate(f):
-            z = (self.transition * z).sum(axis=1)
-            z += self.load * force
-            x[i] = z[0]
-        return z, x
+    def advance(self, z: FloatArray, before: FloatArray, after: FloatArray) -> FloatArray:
+        """State (s, q) `count` steps after z (s, q), between which loads go from `before` to
+        `after`, (q,) each."""
+        found: FloatArray = (self.transition * z).sum(axis=1)
+        found += self.earlier * before + self.later * after
+        return found

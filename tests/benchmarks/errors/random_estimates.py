@@ -2,18 +2,28 @@
 random scenes whose loads differ between training and run, and what they cost.
 
     python tests/benchmarks/errors/random_estimates.py FIRST LAST [--reducers galerkin,sparse]
-    python tests/benchmarks/errors/random_estimates.py --scenes double_pendulum,slider_plate
+    python tests/benchmarks/errors/random_estimates.py FIRST LAST --from FILE
+    python tests/benchmarks/errors/random_estimates.py --scenes double_pendulum --trained same,half
+    python tests/benchmarks/errors/random_estimates.py --scenes double_pendulum --trained 1,2,3,4
 
 One line per run and block with an error above 1e-6: the largest error relative to the block's
-largest change, and the quotient estimate / error of the largest values over the run and at its end;
-per run the CPU time of the estimates as a share of that of the steps. Last the share of quotients
-between 0.5 and 10. `few`, `few_sparse`: `galerkin` and `sparse` with four atoms of each block.
+largest change, and the quotient estimate / error of the largest values over the run, and of 5, 50
+and 95 % of its single estimates; per run the CPU time of the estimates as a share of that of the
+steps. Then the shares of quotients between 0.5 and 10, of all blocks of a field and all estimates
+of which the error is above 1e-6: at the time of the estimate, of the largest values up to then, and
+at all stored times from the first estimate on, between which the last one counts.
+
+--from: a file with a function `scene(seed)` that returns a kind, a remark and a scene as plain
+data. --trained: packaged scenes trained on the run itself, to half its time, or run with loads that
+vary in time by a random function of this seed. `few`, `few_sparse`: `galerkin` and `sparse` with
+four atoms of each block.
 """
 
 import argparse
 import random
+import runpy
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -41,6 +51,16 @@ POLYMER = {"E": 2e9, "nu": 0.3, "rho": 1500.0, "alpha": 8e-5, "k": 10.0, "c": 10
 FILM = {"use": "convection", "on": ["b:bottom"], "film": 300.0, "temperature": 293.15}
 GLOW = {"use": "radiation", "on": ["b:top"], "emissivity": 0.8, "surroundings": 293.15}
 BOTH = ["elastic", "thermal"]
+COARSE = {f"bodies.link{i}.mesh.elements": 320 for i in (1, 2)}
+SHORT: Mapping[str, Mapping[str, Any]] = {
+    "double_pendulum": {**COARSE, "time.end": 0.4, "training.end": 0.4},
+    "hot_pendulum": {**COARSE, "time.end": 0.2, "training.end": 0.2}}
+"""Scene -> settings of a shorter run on a coarser mesh."""
+LOADS = ("flux", "pressure", "factor")
+"""Options of loads that are functions of time."""
+FIELDS = ("elastic", "thermal", "rigid")
+Quotients = dict[str, list[float]]
+"""Meaning, then field -> quotients."""
 spent = {"steps": 0.0, "estimates": 0.0}
 
 
@@ -143,24 +163,77 @@ def timed(kind: type, name: str, key: str) -> None:
     setattr(kind, name, call)
 
 
-def judged(name: str, scene: Scene, full: Any) -> list[float]:
-    """Quotients of the largest values of the blocks of a run, printed."""
+def varied(scene: Scene, seed: int) -> Scene:
+    """A scene whose loads are multiplied by random functions of time in the run, not in training.
+    """
+    rng, changes, own = random.Random(seed), {}, {}
+    for name, load_tree in scene.dump()["loads"].items():
+        for key in LOADS:
+            if (mine := load_tree.get(key)) is not None:
+                own[f"loads.{name}.{key}"] = mine
+                changes[f"loads.{name}.{key}"] = {"use": "product", "factors": [mine, {
+                    "use": "sine", "amplitude": rng.uniform(0.2, 0.8), "offset": 1.0,
+                    "frequency": rng.uniform(0.5, 4.0) / scene.time.end,
+                    "phase": rng.uniform(0.0, 3.0)}]}
+    return scene.using({**changes, "training.overrides": own})
+
+
+def trained_as(scene: Scene, way: str) -> Scene:
+    """A scene that is trained on its own run (`same`), to half its time (`half`), or whose loads
+    are not those of the training (a seed)."""
+    if way == "same":
+        return scene.using({"training.overrides": {}})
+    return scene.using({"training.end": scene.time.end / 2}) if way == "half" else varied(
+        scene, int(way))
+
+
+def packaged(names: str, trained: str) -> Iterator[tuple[str, Scene]]:
+    """Packaged scenes by the ways of their training."""
+    for name in names.split(","):
+        scene = load(name, dict(SHORT.get(name, {})))
+        for way in trained.split(","):
+            yield f"{name} {way}", trained_as(scene, way)
+
+
+def judged(name: str, scene: Scene, full: Any, found: dict[str, Quotients]) -> list[float]:
+    """Quotients of the largest values of the blocks of a run, printed; adds those of each estimate
+    to `found`."""
     spent.update(steps=0.0, estimates=0.0)
     try:
         run = simulate(scene.using({"reducer.error_estimate": "on", "check_stability": "off"}))
     except (InputError, SolveFailed) as error:
         print(f"| {name} | {str(error)[:60]} |", flush=True)
         return []
-    e, found = measure_errors(full, run), []
+    e, largest = measure_errors(full, run), []
     share = spent["estimates"] / max(spent["steps"] - spent["estimates"], 1e-9)
-    for block in e.estimated:
-        if block in e.blocks and (true := e.series[block]).max() > LEAST:
-            guess = e.estimated[block]
-            found.append(float(guess.max() / true.max()))
-            last = guess[-1] / true[-1] if true[-1] > 0.0 else np.inf
-            print(f"| {name} | {block} | {true.max():.1e} | {found[-1]:.2f} | {last:.2f} | "
-                  f"{share:.0%} |", flush=True)
-    return found
+    compared = [b for b in e.estimated if b in e.blocks]
+    guesses = np.array([e.estimated[b] for b in compared])
+    at = np.flatnonzero((np.diff(guesses, axis=1) != 0.0).any(axis=0)) + 1  # of the estimates
+    for block, guess in zip(compared, guesses, strict=True):
+        true, field = e.series[block], block.split(".")[-1]
+        meanings = {
+            "at the time": (true[at], guess[at]),
+            "largest until then": (
+                np.maximum.accumulate(true)[at], np.maximum.accumulate(guess)[at]),
+            "all stored times": (true[at[0] :], guess[at[0] :])}
+        single = meanings["at the time"]
+        for meaning, (size, value) in meanings.items():
+            found.setdefault(meaning, {}).setdefault(field, []).extend(
+                (value[size > LEAST] / size[size > LEAST]).tolist())
+        if true.max() > LEAST:
+            largest.append(float(guess.max() / true.max()))
+            some = (single[1] / np.maximum(single[0], 1e-300))[single[0] > LEAST]
+            spread = " to ".join(f"{q:.2g}" for q in np.quantile(some, (0.05, 0.5, 0.95))) if (
+                len(some)) else ""
+            print(f"| {name} | {block} | {true.max():.1e} | {largest[-1]:.2f} | {spread} | "
+                  f"{share:.1%} |", flush=True)
+    return largest
+
+
+def inside(values: list[float]) -> str:
+    """Share of quotients between the limits, and their number."""
+    good = [LOW <= q <= HIGH for q in values]
+    return f"{np.mean(good):.1%} of {len(values)}" if values else ""
 
 
 def main() -> None:
@@ -168,27 +241,40 @@ def main() -> None:
     parser.add_argument("first", type=int, nargs="?", default=0)
     parser.add_argument("last", type=int, nargs="?", default=21)
     parser.add_argument("--reducers", default="galerkin,sparse,few,few_sparse")
-    parser.add_argument("--scenes", help="packaged scenes, trained to half the time")
+    parser.add_argument("--from", dest="file", help="file with random scenes")
+    parser.add_argument("--scenes", help="packaged scenes")
+    parser.add_argument("--trained", default="half", help="same, half, or seeds")
     given = parser.parse_args()
     timed(RunSteps, "portion", "steps")
     timed(ErrorRecord, "_evaluate", "estimates")
-    named = [(n, load(n)) for n in given.scenes.split(",")] if given.scenes else [
-        (f"{seed} {random_scene(seed)[0]}", random_scene(seed)[1])
-        for seed in range(given.first, given.last)]
-    print("| run | block | error | quotient | at the end | share |\n|---|---|---|---|---|---|")
+    named: Iterator[tuple[str, Scene]]
+    if given.scenes:
+        named = packaged(given.scenes, given.trained)
+    elif given.file:
+        drawn = runpy.run_path(given.file)["scene"]
+        made = ((seed, drawn(seed)) for seed in range(given.first, given.last))
+        named = ((f"{seed} {one[0]}", scene_of(one[-1])) for seed, one in made)
+    else:
+        numbered = ((n, random_scene(n)) for n in range(given.first, given.last))
+        named = ((f"{seed} {kind}", scene) for seed, (kind, scene) in numbered)
+    print("| run | block | error | largest | single | share |\n|---|---|---|---|---|---|")
     quotients: dict[str, list[float]] = {}
+    found: dict[str, Quotients] = {}
     with np.errstate(all="ignore"):
         for name, scene in named:
-            full = simulate(scene.using({"reducer": "full"}))
+            full = simulate(scene.using({"reducer": "full"}), keep_training=True)
             for reducer in given.reducers.split(","):
                 own = scene.using({"reducer": REDUCERS[reducer]})
-                if given.scenes:
-                    own = own.using({"training.end": scene.time.end / 2})
-                quotients.setdefault(reducer, []).extend(judged(f"{name} {reducer}", own, full))
+                quotients.setdefault(reducer, []).extend(
+                    judged(f"{name} {reducer}", own, full, found))
     for reducer, values in quotients.items():
-        inside = [LOW <= q <= HIGH for q in values]
-        print(f"{reducer}: {np.mean(inside):.0%} of {len(values)} between {LOW:g} and {HIGH:g}, "
-              f"from {min(values):.2g} to {max(values):.2g}")
+        print(f"{reducer}: largest values {inside(values)} between {LOW:g} and {HIGH:g}, from "
+              f"{min(values):.2g} to {max(values):.2g}")
+    print(f"\n| between {LOW:g} and {HIGH:g} | {' | '.join(FIELDS)} | all |\n|---|---|---|---|---|")
+    for meaning, by in found.items():
+        values = [v for f in FIELDS for v in by.get(f, [])]
+        print(f"| {meaning} | {' | '.join(inside(by.get(f, [])) for f in FIELDS)} | "
+              f"{inside(values)} |")
 
 
 if __name__ == "__main__":
