@@ -106,7 +106,7 @@ def methods(given: argparse.Namespace) -> dict[str, dict[str, Any] | str]:
     counts = [40] if given.quick else given.counts
     return {
         "full order": "full",
-        "selected": selecting(*few, settled=5e-4),
+        "selected": selecting(*few, settled=given.settled),
         **{f"galerkin, POD {k}": {"use": "galerkin", "basis": {"use": "pod", "count": k}}
            for k in counts},
         "galerkin, all atoms": {"use": "galerkin", "basis": WINDOW},
@@ -192,6 +192,8 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--turns", type=float, default=0.95, help="of the sleeve")
     parser.add_argument("--counts", type=int, nargs="+", default=[800, 1200, 1400],
                         help="atoms of the fixed bases")
+    parser.add_argument("--settled", type=float, default=5e-4,
+                        help="relative error up to which a support is kept")
     parser.add_argument("--only", nargs="+", default=[], metavar="NAME", help="methods")
     parser.add_argument("--picture", type=Path)
     return parser.parse_args()
