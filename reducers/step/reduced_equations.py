@@ -432,7 +432,7 @@ class Reduced(WholeEquations):
 
     def after_heat(self) -> "Reduced":
         """The equations of mechanics alone, for known temperatures."""
-        first = self.layout.first
+        first = self.rows.first
         return Reduced(
             self.layout, heat=(), bodies=self.bodies,
             coupled=[c for c in self.coupled if not _inside(c.rows, first)],
@@ -442,7 +442,7 @@ class Reduced(WholeEquations):
 
     def heat_alone(self) -> "Reduced":
         """The equations of the temperatures, among rows and unknowns of all blocks."""
-        first = self.layout.first
+        first = self.rows.first
         return Reduced(
             self.layout, heat=self.heat, bodies=(),
             coupled=[c for c in self.coupled if _all_inside(c.rows, first)], targets=(),

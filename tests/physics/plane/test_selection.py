@@ -114,8 +114,8 @@ def test_an_exchange_lowers_the_residual_as_foreseen_with_the_other_unknowns_hel
 
     def squared(outcome: Any, now: Any, memory: Any, supports: Any) -> float:
         solved = SolvedStep(formula, outcome, now, supports, fresh=False)
-        x, rows = outcome.x, steps.rows(solved, memory)
-        return sum(b.at(rows[b.rows.rows], x[b.rows.at], supports[b.rows.name]).current
+        x, rows = outcome.x, steps.elastic_rows(solved, memory)
+        return sum(b.at(rows[b.rows.name], x[b.rows.at], supports[b.rows.name]).current
                    for b in blocks)
 
     state, memory = solver.start(consistent_state(model))
