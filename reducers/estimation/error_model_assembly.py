@@ -226,7 +226,7 @@ class _ErrorSystems:
         """Space of the errors of a block with atoms d; columns (n, j): what its residual consists
         of."""
         model, at = self.model, self.model.layout[name]
-        starts = np.column_stack([model.x0[at] - d.offset, self.start.v[at], self.start.a[at]])
+        starts = np.column_stack([model.x0[at] - d.offset, model.v0[at], self.start.a[at]])
         return error_space(
             name, model, operators, atoms=d.atoms, sources=columns, starts=starts, step=self.step,
             offline=self.problem.offline, coupled=self.whole)
