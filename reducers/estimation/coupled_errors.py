@@ -142,7 +142,8 @@ class CoupledErrors:
         self, paths: Sequence[Sequence[State]], memory: dict[str, FloatArray]
     ) -> dict[str, FloatArray]:
         """Estimated error norms (j,) of each block at the ends of j successive paths of `every`
-        states of the run; `memory` is brought to the last."""
+        states of the run; `memory` is brought to the last. self.h: time between two estimates, s,
+        so that self.h / self.every is a step of the run."""
         if not paths:
             return {n: np.zeros(0) for n in self.blocks}
         stride = self._last_stride(memory)
@@ -163,7 +164,8 @@ class CoupledErrors:
     def _stride(self, state: State, before: int) -> int:
         """Number of the run's steps in one step of the error equation, at a state of the run: the
         largest that divides `every`, is not larger than that `before`, and in which no frame turns
-        further than `turn`. It never grows, since each change forgets the integrator's history."""
+        further than `turn`, rad. It never grows, since each change forgets the integrator's
+        history. self.h: time between two estimates, s."""
         rate, h = 0.0, self.h / self.every
         for b in self.reduced:
             if b.kind.quantity is Quantity.POSE:

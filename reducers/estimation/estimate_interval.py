@@ -35,7 +35,8 @@ def steps_between(
 ) -> tuple[int, int]:
     """Number of steps of runs of `solver` from one estimate to the next, and of first steps with
     one each (`begins`), of models that can vibrate. compiled: True if the steps are machine
-    code."""
+    code. work of an estimate and step are in units of one step without local terms in NumPy; the
+    interval is so long that estimates take the share `SHARE` of the run's work."""
     s, layout = problem.model.separated, problem.model.layout
     rows = sum(len(t.rows) for t in (*(t for b in s.heat for t in b.local), *s.elastic_local))
     visits = iterations(problem.model) * rows  # of rows in one estimate

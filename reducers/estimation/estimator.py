@@ -91,9 +91,10 @@ class ErrorModel:
         elastic: Sequence[BlockErrors], full: Layout, reduced: Layout, coordinates: Layout,
         integrator: Integrator, notes: Sequence[Note],
     ) -> "ErrorModel":
-        """Error model for every `every`-th step of size h, s; first, margin: as above; full,
-        reduced: layouts of the full model and of the reduced one; coordinates: layout of reduced
-        states in the coordinates that residuals are evaluated in."""
+        """Error model for every `every`-th step of size h, s; first: number of first steps with an
+        estimate each; margin: factor of the estimates; full, reduced: layouts of the full model and
+        of the reduced one; coordinates: layout of reduced states in the coordinates that residuals
+        are evaluated in."""
         layout = Layout([full.block(b.name).resized(b.space.size) for b in (*heat, *elastic)])
         rules = integrator.rules(h)
         single, whole = (
@@ -111,8 +112,9 @@ class ErrorModel:
 
     def start(self, full: State, reduced: State) -> dict[str, FloatArray]:
         """Memory of the estimate at the start of a run: modal errors (s, q) of the initial state
-        with their rates and the integrator's history, of first and of second order; "outside":
-        parts (3, m) of x, v, a of the reduced state outside of the error spaces."""
+        with their rates and the integrator's history, of first and of second order; "residuals":
+        those (q,) of the modes at the reduced state; "outside": parts (3, m) of x, v, a of the
+        reduced state outside of the error spaces."""
         z = np.zeros((3, self.layout.size))
         for b in (*self.heat, *self.elastic):
             z[:, self.layout[b.name]] = b.starts(full, reduced)

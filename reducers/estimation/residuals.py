@@ -66,7 +66,8 @@ class ElasticResidual:
         return cls(step, b, np.ascontiguousarray(np.hstack(columns).T), loads)
 
     def __call__(self, run: Trajectory) -> FloatArray:
-        """Residuals (j, q) at the states of a run, one product with all operators."""
+        """Residuals (j, q) at the states of a run, one product with all operators. kappa, mu
+        (j, g): factors of the generators times c and c'; sigma (j, p): of the directions."""
         e, g, b = self.step.elastic, len(self.tested.generators), self.tested
         c, v, a = run.x[:, e], run.v[:, e], run.a[:, e]
         factors = PrescribedFactors(self.step)(run.times)

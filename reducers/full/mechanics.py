@@ -210,12 +210,13 @@ class FullMechanics(StepEquations):
         of rigid coordinates, then joint forces, in the layout."""
         self.layout, self.targets, self.border = layout, targets, border
         self.bodies = [b for b in bodies if b.ops is not None or b.step.to_border.any()]
-        # with a new Jacobian, iterative linear solvers contract no further than their tolerance
+        # price: cost of a new Jacobian in iterations with the old one, more than one where linear
+        # solvers are iterative, because these contract no further than their tolerance
         moving = IN_SPACE if layout.quaternions and not self.iterates else PRICE
         self.price = moving if len(border) else UNCHANGED
         self.exact = self.iterates  # no whole Jacobian is factorized then, for which to give up
-        self.maps = []
-        for b in self.bodies:
+        self.maps = []  # of each body: border unknowns that it uses, by their numbers in the border
+        for b in self.bodies:  # and in the layout, and the map to its own border from these
             used = np.flatnonzero(b.step.to_border.any(axis=0))
             self.maps.append((used, border[used], b.step.to_border[:, used]))
         self.work = buffers([b.step.frame for b in self.bodies])
@@ -292,6 +293,8 @@ class FullMechanics(StepEquations):
         r[self.border] = 0.0
         for i, f in self.targets:
             r[self.border[i]] -= f(self.step.t)
+        # X (3, n): x, v, a. w.border: derivatives, and the rows in the last column; w.sigma: the
+        # factors of the directions P in the last row
         rates = (self.step.c1, self.step.c2) if slope else None
         self.frames_at = X[0] if slope else _NONE
         for b, w, one, (_, at, to_border) in zip(
@@ -351,7 +354,7 @@ class FullMechanics(StepEquations):
                 products[2] *= self.step.c2
             s, forms = U @ o.directions, (products @ U[0]).ravel()
             products = products[:2].reshape(-1, U.shape[1])
-        work.fresh = rates is not None
+        work.fresh = rates is not None  # with derivatives
         c1, c2 = rates or (0.0, 0.0)
         b.step.frame.evaluate(y[0], y[1], y[2], c1, c2, s, forms, t, work)
         return products
@@ -395,6 +398,7 @@ class FullMechanics(StepEquations):
             if not known:
                 self._evaluate(b, one=None, d=_NONE, X=X, t=at.t, work=w, at=columns,
                                to_border=to_border, rates=at.c[:2])
+            # last column of w.border: the rows; last row of w.sigma: factors, not derivatives
             H = w.border[:, :-1]
             if b.ops is not None and b.E is not None:
                 tau, sigma = to_border.T @ w.tau, to_border.T @ w.sigma[:-1]

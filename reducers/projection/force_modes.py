@@ -48,8 +48,10 @@ def force_snapshots(block: Reducible) -> tuple[FloatArray, float]:
     """Forces (n, M) of a block in the training run, and an upper bound of the singular values that
     round-off causes in them: forces are small differences of large terms."""
     taken = recording(block)
+    # taken.runs: number of training runs, with equally many snapshots (n, M / runs) each
     runs = np.split(
         np.asarray(block.offline.snapshots(block.name), dtype=np.float64), taken.runs, axis=1)
+    # without the state x + h^2 a of the start that second-order runs add as the last column
     runs = [states(block, X, taken) for X in runs]
     # rates and accelerations of each run
     rates = [replayed(block, X, taken) if replayable(block, X, taken)

@@ -32,7 +32,8 @@ class Galerkin(ProjectionReducer):
         self, model: AssembledModel, dictionaries: Mapping[str, Dictionary]
     ) -> Mapping[str, tuple[Dictionary, float]]:
         """Dictionaries of blocks in modal coordinates, in which their operators are diagonal, with
-        the factors of their limits. Only where no border or other term mixes the modes."""
+        the factors of their limits. Only where no border or other term mixes the modes, and not for
+        blocks whose atoms are not orthonormal (`modal_coordinates`: None)."""
         s = model.separated
         if s.other:  # terms between blocks
             return {}

@@ -241,4 +241,5 @@ def block_wise(
         limits=limits, notes=notes,
         operators={n: p.operators for n, p in projected.elastic.items()}, facts=facts,
         visited={n: block.elements for n, block in heat.items()})
+    # mechanics: one dense system of all projected bodies and joints
     return made.with_equations(reduced_general(projected, tolerances, points).equations)

@@ -91,7 +91,9 @@ class BlockSelection:
 
     @property
     def distinguishable(self) -> BoolArray:
-        """All atoms that the rows distinguish; none where there are fewer rows than atoms."""
+        """All atoms that the rows distinguish; none where there are fewer rows than atoms.
+        columns.unit: True if the columns J = B / (lengths of its columns), (m, k), are the unit
+        matrix, where all atoms are distinguished."""
         J = self.columns.A
         m, k = J.shape
         support = np.full(k, self.columns.unit)
@@ -118,7 +120,8 @@ class AtSolution:
     """One block at the solution of a step on the active atoms `support` (k,). range_residual (j,):
     residual r in the rows of B; z (k,): coefficients c times the lengths of B's columns, so that a
     change d of z changes r by (unit columns) d; remaining: squared residual of the other rows, on
-    which no coefficient acts; current: of all rows."""
+    which no coefficient acts; current: of all rows. Both, and the results of `after` and
+    `threshold`, are times `block.weight`, 1 / length^2 of B's longest column."""
 
     block: BlockSelection
     range_residual: FloatArray
@@ -128,8 +131,9 @@ class AtSolution:
     current: float
 
     def selected(self) -> BoolArray:
-        """Support on which the sparse solver would end; the present one itself where that stays.
-        Raises SolveFailed."""
+        """Support on which the sparse solver would end, from the residual in the rows of B (j,),
+        the scaled coefficients z (k,) and the present support; this very array where the support
+        stays, which callers test by `is`. Raises SolveFailed."""
         found = checked_return(
             self.block.recovery.select(self.range_residual, self.z, self.support), Selection,
             self.block.recovery, "select", "reducer.solver")
@@ -219,7 +223,9 @@ class BlockwiseSelection(AtomSelection):
         cls, steps: SupportedSteps, solver: SparseSolver, hysteresis: float, carried: bool,
         settled: float,
     ) -> "BlockwiseSelection":
-        """settled: tolerance of every block (`BlockSelection`)."""
+        """hysteresis: fraction by which other supports must lower the residual norm; carried: start
+        from the supports of the previous step; settled: residual norm, relative to that of the
+        coefficients of unit columns, up to which a block keeps its support."""
         # of the whole model, rows of heat included
         residual = steps.mechanics.sampled.all_rows.rows
         thermal, elastic = ([

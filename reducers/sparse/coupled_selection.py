@@ -43,12 +43,13 @@ class JointSelection(AtomSelection):
     polish: bool
 
     def solve(self, step: StepFormula, memory: SparseMemory) -> StepOutcome:
-        """A step by the supports of the last one where they still hold, otherwise by atoms that are
-        selected again. polish: the step is solved again on the selected supports; without, the
-        solution of the sparse solver is that of the step."""
+        """A step that starts from the supports of the last one where it has a solution on them,
+        otherwise from the predicted state. polish: the step is solved again on the selected
+        supports; without, the solution of the sparse solver is that of the step."""
+        # before the first step all supports are empty
         if self.polish and self.carried and all(s.any() for s in memory.supports.values()):
             outcome = self.reselected(step, memory, memory.supports)
-            if outcome is not None:
+            if outcome is not None:  # there was a solution on these supports
                 return outcome
         found = self._predicted(step, memory)
         if not found.status.ok:
@@ -96,10 +97,11 @@ class JointSelection(AtomSelection):
         found: dict[str, BoolArray] = {}
         for name, at in base.heat_groups:
             if name not in self.steps.heat:  # all its atoms are active: no selection
+                # increments of all temperatures (None) from the predicted ones
                 now.add_temperatures(at, None, base.heat[name].solve(
                     x[at], now.v[at], now.a[at], step.t, step.c2_first).d)
                 continue
-            support = self._first(name, memory)
+            support = self._first(name, memory)  # of the last step, or empty without warm start
             out = self._sparse_solution(
                 self._heat(name, step), SparseStart(np.where(support, x[at], 0.0), support))
             found[name], x[at] = out.support, out.c
@@ -117,7 +119,7 @@ class JointSelection(AtomSelection):
                 x[base.layout[g.name]] = out.c[g.start : g.stop]
             x[problem.rows.border] = out.c[problem.k :]
             iterations = out.iterations
-        if take(found, memory):
+        if take(found, memory):  # a support differs from the last step's
             memory.past.restart()  # coefficients may have jumped: the past is no guide
         return StepOutcome(x, Status.DONE, iterations, rates=step.at(x - step.free)[1:])
 
@@ -133,8 +135,9 @@ class JointSelection(AtomSelection):
     def _mechanics(
         self, step: StepFormula, x: FloatArray, supports: SupportOf, memory: SparseMemory
     ) -> tuple[MechanicsProblem, SparseStart]:
-        """Problem of all elastic blocks near the state x (n,), and its start on these supports; the
-        border has no zeros. Its residual is that of all sampled rows of mechanics."""
+        """Problem of all elastic blocks together, and its start: first guess from the state x (n,),
+        and these supports; rigid coordinates and joint forces, the last group, are always active.
+        Its residual is that of all sampled rows of mechanics, at the temperatures in x."""
         problem = MechanicsProblem(self.steps.mechanics.working(memory).rows.rows,
                                    list(self.steps.elastic.values()), step, x)
         c = problem.start()

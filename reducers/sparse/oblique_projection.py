@@ -98,6 +98,7 @@ def checked_rows(
             block.name, block.dictionary.atoms, block.dictionary.offset, block.B, weight,
             block.test.rows, block.test.left, block.budget, data.operator, slow),
         error=lambda states: row_error(block, states, data.operator, slow),
+        # number of states: with a selection each has a support, and a left inverse, of its own
         most=_SELECTED if block.selects else STATES)
 
 

@@ -66,7 +66,9 @@ def capability_faults(
     model: AssembledModel, options: SparseOptions, compressed: Container[str]
 ) -> list[Fault]:
     """Missing capabilities of the sparse solver for the problems of this scene, as known before
-    training. compressed: blocks whose rows are compressed to as many as atoms.
+    training. compressed: blocks whose rows are compressed to as many as atoms. overdetermined: more
+    rows than atoms; nonlinear, unpenalised: the joint problem of all elastic blocks, in which rigid
+    coordinates and joint forces are always active.
 
     Problems with fewer rows than atoms cannot be predicted where the size of the dictionary is
     unknown; these are checked when the reduced model is prepared.
@@ -81,6 +83,7 @@ def capability_faults(
             choosing.append(name)
             joint = joint or atoms < most
             continue
+        # atoms are selected (most > atoms) by more rows than there are atoms
         many = counted_rows(model, options, name, most) > most > atoms and name not in compressed
         problems[name] = frozenset({"overdetermined"} if many else ())
     if joint:

@@ -44,7 +44,8 @@ def mechanics_needs(blocks: Sequence[SampledElastic], border: int) -> frozenset[
 @dataclass(frozen=True, slots=True, eq=False)
 class HeatProblem:
     """Linear problem J c - b of one thermal block: J (m, k) and b (m,) include the preconditioner
-    and are scaled to a largest column norm of 1."""
+    and are scaled to a largest column norm of 1. groups: the one range of columns, with its largest
+    number of nonzeros; needs: capabilities that the problem requires of a sparse solver."""
 
     groups: tuple[Group, ...]
     J: FloatArray
@@ -83,7 +84,9 @@ class MechanicsProblem:
         x: FloatArray,
     ) -> None:
         """residual: equations of all sampled rows of mechanics; sampled: elastic blocks; x (n,):
-        first guess of the unknowns of a step, with its final temperatures."""
+        first guess of the unknowns of a step, with its final temperatures. Unknowns `columns` and
+        rows `numbers` of the model are those of the problem: all of each elastic block in turn,
+        then rigid coordinates and multipliers (the border)."""
         self.rows, self.step, self.x = residual, step, x
         layout, border = residual.layout, residual.border
         groups, columns, rows, scales, k = [], list[IntArray](), list[IntArray](), [], 0
@@ -101,7 +104,7 @@ class MechanicsProblem:
         self.numbers = np.concatenate((*rows, residual.border_rows))
         self.groups = (*groups, Group("border", k, k + self.border, None))
         self.needs = mechanics_needs(sampled, self.border)
-        self.prescribed = residual.prescribed(step.t)
+        self.prescribed = residual.prescribed(step.t)  # terms that depend on time alone
         self.scale = np.concatenate((*scales, np.ones(self.border)))
         self._constant: FloatArray | None = None  # the Jacobian, where it never changes
         if self.border:

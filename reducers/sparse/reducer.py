@@ -95,6 +95,7 @@ class Sparse(SparseOptions):
         faults += unmatched_patterns(layout, "bases", self.bases)
         faults += unmatched_patterns(layout, "preconditioned", self.preconditioned)
         faults += preconditioner_faults(model, self)
+        # all rows of D^-1 r, where they are not sampled, are compressed to as many as atoms
         faults += capability_faults(model, self, compressed={
             n for n in inverted_blocks(model, self) if not self.samples(n)})
         faults += resampling_faults(model, self)

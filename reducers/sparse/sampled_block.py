@@ -146,7 +146,8 @@ class SampledElastic(SampledBlock[ProjectedElastic]):
                        columns=RangeColumns.from_matrix(block.name, block.B), basis=None)
         c = compact(operators, block.B, elastic_columns(operators))
         t, B = c.operators, c.B
-        if c.reach == len(B):  # few active columns of all rows are read in each step
+        # all compressed rows are in the range of B: few active columns are read in each step
+        if c.reach == len(B):
             t, B = t.by_columns(), np.asfortranarray(B)
         columns = RangeColumns.from_matrix(block.name, B[: c.reach])
         return cls(block, operators, (t, B), columns, c.basis)
@@ -160,7 +161,7 @@ class SampledElastic(SampledBlock[ProjectedElastic]):
     def on(self, support: IntArray | None) -> ActiveRows:
         """The active rows on a support, of all atoms if None. Raises SolveFailed."""
         active = np.arange(self.block.atoms) if support is None else support
-        if self.columns.unit.unit:
+        if self.columns.unit.unit:  # B is the unit matrix: its rows `active` are a left inverse
             return ActiveRows(active, chosen=active)
         return ActiveRows(active, self.columns.left_inverse(support))
 
@@ -213,6 +214,7 @@ class SampledHeat(SampledBlock[ProjectedHeat]):
 
     def on(self, support: IntArray | None) -> CompressedHeat:
         """The reduced block on a support, of all atoms if None. Raises SolveFailed."""
+        # B is the unit matrix: the rows of the support are its left inverse
         if self.columns.unit.unit and support is not None and not self.body.local:
             return CompressedHeat.of_orthonormal(
                 self.range_rows, support, self.c1, self.tolerances)

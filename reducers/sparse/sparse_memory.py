@@ -42,7 +42,7 @@ class SparseMemory(Memory):
 
     def rows_changed(self, fresh: bool) -> None:
         """Drops reduced operators of the previous set of rows if that is not used again
-        (`fresh`)."""
+        (`fresh`). linearised_on: active unknowns (n,) of the kept Jacobian, None: none is kept."""
         self.current = None
         self.linearised_on = None
         if fresh:

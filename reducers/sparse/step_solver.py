@@ -229,8 +229,9 @@ class Build:
     ) -> tuple[Sampled, Mapping[str, float | int | str]]:
         """A block with its preconditioner P, and the condition and recovery error of its rows; to
         `notes` one is added where the rows do not determine the coefficients well. B (m, k):
-        operators operator of the block; rows: numbers of the sampled ones, None for all rows of
-        D^-1 r."""
+        operator of a step on the atoms in the sampled rows; rows: their numbers, None for all rows
+        of D^-1 r. self.weights: facts of element weights, by block; self.atoms: largest number of
+        active atoms, None for all."""
         P, inverted, d = None, name in self.inverted, self.dictionaries[name]
         if inverted:  # D^-1 D atoms, without the rounding of either
             B = self.compressed[name].B if rows is None else d.atoms[rows]
@@ -330,7 +331,7 @@ class Build:
         base: BlockwiseSolver,
     ) -> None:
         """Raises InputError for a sparse solver that lacks capabilities which the problems of a
-        step require."""
+        step require. base.system.size: number of rigid coordinates and multipliers."""
         problems = {n: shape_needs(*h.block.B.shape) for n, h in selecting_heat.items()}
         if self.options.selection == "blocks":
             problems |= {n: shape_needs(*e.block.B.shape) for n, e in selecting.items()}

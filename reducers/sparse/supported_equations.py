@@ -141,7 +141,7 @@ class SupportedEquations(StepEquations):
             return
         layout, rows = self.layout, self.rows.rows
         free = support.active.copy()
-        free[layout.first] = False
+        free[layout.first] = False  # temperatures
         self.support, self.inactive = support, np.flatnonzero(~support.active)
         self.needed = free.copy()
         self.blocks: list[tuple[IntArray, slice | IntArray, FloatArray | None]] = []
@@ -282,7 +282,9 @@ class SupportedMechanics(LoopMechanics):
 
     def alone(self) -> Mapping[str, FloatArray]:
         """Elastic block -> (s, 2 s): response of its active coefficients to changes of their r1 and
-        r2 with all other unknowns fixed, -B^+ [damping, mass]."""
+        r2 with all other unknowns fixed, -B^+ [damping, mass], for rates c1 c + r1 and
+        accelerations c2 c + r2. Of each block in `blocks`: its active atoms, and the left inverse
+        of its first rows, or the numbers of the rows that replace it."""
         found, rows = {}, self.sampled.rows.rows
         for b in rows.bodies:
             if b.operators is not None:

@@ -153,6 +153,7 @@ class AtomSelection(ABC):
         is not the supports of the step before (`fresh`), up to `ROUNDS` exchanges are made, else
         one. None where there is no solution on `start`."""
         steps, fresh, supports = self.steps, start is not memory.supports, start
+        # the Jacobian kept from earlier steps, and the active unknowns for which it was computed
         kept, linearised_on = memory.kept, memory.linearised_on
 
         def solved(guess: FloatArray | None) -> SolvedStep:
@@ -177,7 +178,7 @@ class AtomSelection(ABC):
                 at = solved(at.outcome.x)
                 if not at.outcome.status.ok:
                     return at.outcome
-        if take(supports, memory):
+        if take(supports, memory):  # they differ from those of the last step
             memory.current = at.now
             if fresh:
                 memory.past.restart()  # coefficients may jump: the past is no guide

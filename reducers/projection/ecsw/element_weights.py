@@ -81,7 +81,8 @@ class WeightTraining:
     ) -> ElasticLocal:
         """A term of an elastic block on the elements with a weight; u, T: training states of its
         displacements and temperatures; effect (k, n): displacements of the reduced model due to
-        forces on its rows, by which the weights are trained."""
+        forces on its rows, by which the weights are trained. local.hot: True for those columns of
+        the term that are temperatures; its rows and columns are numbers in the body's blocks."""
         term = local.term
         if not term.weighs_elements:
             return local

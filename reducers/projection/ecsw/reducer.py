@@ -124,6 +124,7 @@ class Ecsw(ProjectionReducer):
             text = (f"reducer ecsw is galerkin in {', '.join(exact)}: without local terms a step "
                     "visits no elements, so none are selected (reducer.constant: weighted weighs "
                     "those of constant matrices)")
+            # a warning if no block at all is weighted
             notes += (information(text, "no_effect") if facts else Note(text, "no_effect"),)
         return Approximation(
             model.with_separated(replace(model.separated, moving=moving, heat=heat)), facts,

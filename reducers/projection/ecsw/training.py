@@ -124,10 +124,12 @@ def elastic_equations(
 def heat_equations(integrals: HeatIntegrals, T: Trained, C_inverse: FloatArray) -> WeightEquations:
     """Training matrix G (m, E) of a thermal block: rates of temperature due to conduction and to
     stored heat of each element, each relative to its sum over all elements. T: training states;
-    C_inverse (k, k): inverse of the projected capacity."""
+    C_inverse (k, k): inverse of the projected capacity. T.with_offset (n, k + 1) times
+    T.homogeneous (k + 1, M) are the temperatures."""
     left = T.dictionary.atoms @ C_inverse.T  # left^T q = C_inverse (atoms^T q)
     prescribed = _values_at(integrals.amplitudes, T.t)
-    # what conduction and changes are differences of: below its round-off there is nothing to learn
+    # flow, change: size of what conduction and rates are differences of, before these cancel (of
+    # rates by the longest time between snapshots); below its round-off there is nothing to learn
     top = np.abs(T.with_offset) @ np.abs(T.homogeneous).max(axis=1)
     K = abs(integrals.conductivity.weighted(np.ones(integrals.conductivity.count)))
     flow = float(np.linalg.norm(np.abs(left).T @ (K @ top)))
