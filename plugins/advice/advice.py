@@ -178,6 +178,7 @@ def _advice(scene: Scene, cache: Cache, manager: Manager, body_cache: BodyCache)
         return _rigid(smaller, gone, full)
     choice = _choice(found["choice"])
     fields = {n: model.layout.block(n).field for n in model.reducible()}
+    # the last three: full-order ms per step, seconds of the training runs and of the trial runs
     return Advice(
         smaller.using({"reducer": choice.reducer}, label=CHOSEN), choice, gone, fields,
         1e3 * full / (scene.training_runs * step_count(training)), full,
@@ -207,6 +208,7 @@ def _asked(
                 "reducer": reducer, "check_stability": scene.check_stability}, label=CHOSEN)
             if tried.check_stability == "refuse":  # here it rejects a candidate
                 tried = tried.using({"check_stability": "warn"}, label=CHOSEN)
+            # notes of the check; states of the trial run at which the model is linearised
             return " ".join(n.text for n in check_run(
                 tried, model, solver, start, offline,
                 [full_state(solver, s) for s in states])[0])

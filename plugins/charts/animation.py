@@ -54,6 +54,7 @@ def animate(
     _writer(path)  # a format that cannot be written
     require_ours(path.parent, [path.name])
     beside = run.in_memory or run.path.parent != path.parent.absolute()
+    # alone: listed in the folder as a file that belongs to no result
     with publishing(path.parent, alone=beside) as fresh:
         _write(run, fresh / path.name, field, frames, at, magnify, report)
     return path
@@ -166,6 +167,7 @@ class _Stage:
         values = [v * scale for s in steps for b in colours
                   if (v := values_of(run, b, s, field)) is not None]
         limits = shades(np.concatenate(values), field) if values else (0.0, 1.0)
+        # first without the box, which is that of all drawn points
         made = cls(run, field, meshes, points, sizes == {3}, factor, scale, label, limits,
                    np.zeros((2, 2)))
         places = np.concatenate([p[:, :2] for s in steps for p in made.places(s).values()])

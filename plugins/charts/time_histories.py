@@ -103,6 +103,7 @@ def turning(run: RunResult) -> Curves:
         return found
     for b in run.layout:
         if _is_pose_of_body(run, b):
+            # pose: positions, then the angle or, in more than `SPINNING_POSE`, a quaternion
             pose = run.block(b.name)
             angle = pose[:, -1]
             if b.size == PLANAR_POSE:

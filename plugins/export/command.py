@@ -97,7 +97,7 @@ def _model(
             raise InputError(f"a model is exported to fmu, c, {', '.join(FORMATS)} (got {form!r})",
                              "to")
         file = out or Path(f"{Path(source).stem}.{form}")
-        check_new_file(file, force and form not in ("mtx", "c"))
+        check_new_file(file, force and form not in ("mtx", "c"))  # a folder is never replaced
         given = words(inputs), words(outputs)
         model = load_model(source)
         said: dict[str, Any] = {"status": "done", "out": str(file), "to": form}

@@ -32,7 +32,8 @@ def frame_at(run: RunResult, body: str, step: int, fields: Sequence[str]) -> Bod
     """Snapshot of a body: nodes at R + A (X + u), displacement A u in space axes, temperature.
 
     Warping the points by the displacement field magnifies the deformation. Planar bodies lie in z =
-    0. Points are those of `exported_mesh`.
+    0. Points are those of `exported_mesh`: nodal fields are read at their `nodes`, stress and
+    strain come at these points already.
     """
     nodes = exported_mesh(run, body, fields)[0]
     u = run.nodal_displacement(body, step)
@@ -123,7 +124,8 @@ class XdmfSeries:
         (folder / body).mkdir()
         kinds = named_cells(cells, d)
         name = _TOPOLOGY[kinds[0][0]][0] if len(kinds) == 1 else "Mixed"
-        # in a mixed topology the number of its kind is in front of the nodes of each cell
+        # in a mixed topology the number of its kind is in front of the nodes of each cell; cells
+        # stand kind by kind, as no field is by cells
         rows = kinds[0][1] if len(kinds) == 1 else np.concatenate([np.insert(
             own, 0, _TOPOLOGY[kind][1], axis=1).ravel() for kind, own in kinds])
         self._topology = (

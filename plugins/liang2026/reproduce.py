@@ -97,7 +97,8 @@ def chosen_items(file: PaperFile, scene: str = "", items: Sequence[str] = ()) ->
 
 def _begin(folder: Path, file: PaperFile, quick: bool, force: bool) -> None:
     """Marks a new folder. Raises InputError if it holds another kind of reproduction, or other
-    data, unless `force`: then these are a user's, from around an earlier reproduction."""
+    data; not with `force`: an earlier reproduction has then been set aside, and what is left are a
+    user's own files, which stay."""
     about = folder / ABOUT
     if not about.is_file():
         if not force and OutputDirectory(folder).occupied():

@@ -86,6 +86,7 @@ class PaperRuns:
 
         def add(name: str, entry: RunEntry) -> None:
             scene = scene_of(entry, self.quick)
+            # a run that is made again is profiled again
             if completed(scene, self.folder / RUNS / name) is None:
                 remove_listed(self.folder / RUNS / name, SPLIT)
             found.append(Run(

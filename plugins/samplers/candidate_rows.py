@@ -221,7 +221,8 @@ class SpanSampler(RowSampler):
             return T
         D = block.operator
         if self.step is not None:
-            # displacements have components, temperatures have none: that decides the order in time
+            # displacements have components, temperatures have none: that decides the order in time;
+            # mass: of temperatures the capacity
             h = self.step**2 if block.component.any() else self.step
             D = block.stiffness + block.mass / h
         V = np.asarray(D @ T)

@@ -25,7 +25,7 @@ class SOpt(SpanSampler):
 
 def one_column_a_row(U: FloatArray, rows: GreedyRows) -> None:
     """Adds rows while there are fewer rows than columns: p rows are compared by the first p
-    columns.
+    columns, a row by the S = (sqrt det A^T A / prod |a_j|)^(1/p) of the sample A with it added.
 
     With one row missing, det A^T A after row u is added is a constant times (u N)^2, N the null
     vector of the rows taken; with more missing, the norm of u in their null space is used.
@@ -41,7 +41,8 @@ def one_column_a_row(U: FloatArray, rows: GreedyRows) -> None:
         C = U[:, :j]
         hidden = C @ V[:, rank:]
         gain = np.einsum("ij,ij->i", hidden, hidden)
-        # the first row always makes S = 1: there the largest entry is taken
+        # log det A^T A - log prod |a_j|^2 but for a constant, of all candidates (n,); the first row
+        # always makes S = 1: there the largest entry is taken
         cost = _log_norms(C, C[rows.taken]) if count else 0.0
         factor.add(U[rows.take(np.log(np.maximum(gain, TINY)) - cost)])
 

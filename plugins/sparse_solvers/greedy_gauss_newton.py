@@ -54,8 +54,9 @@ class GreedyGaussNewton(SupportNewton):
     endless exchanges of atoms that fit round-off."""
 
     def prepare(self, columns: Columns, budget: int) -> Recovery:
-        """Steps 2 to 5 for constant columns; one parallel to an earlier column counts as zero. With
-        candidates `all`, and rows for all columns, their pseudo-inverse gives step 3."""
+        """Steps 2 to 5 (exchanges of columns) for constant columns J (m, k), of unit length or
+        zero; one parallel to an earlier column counts as zero. With candidates `all`, and rows for
+        all columns, their pseudo-inverse gives step 3, else the Gram matrix J^T J serves."""
         J, (m, k) = np.array(columns.A), columns.A.shape
         if is_unit_matrix(J):
             return GreedyRecovery(self, columns, np.ones(k), (Group("", 0, k, budget),), None, None)

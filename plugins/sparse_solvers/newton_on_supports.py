@@ -111,7 +111,8 @@ class SupportNewton(SparseSolver):
         returns, the best one is kept and solved.
 
         explore: True while the support may change; good: the last iterate with a finite residual;
-        choose: fit on the support of the next iterate (`chooser`).
+        choose: fit on the support of the next iterate (`chooser`); counts_start: True if a return
+        to the initial support counts, too.
         """
         groups, visits, explore = problem.groups, Visits(), True
         choose = self.chooser(groups, support)
@@ -200,7 +201,7 @@ class LinearRecovery(SupportNewton):
 
     def chooser(self, groups: Sequence[Group], support: BoolArray) -> Choose:
         """Choice of the support of each linearisation: recovered again only where the linear
-        problem has changed."""
+        problem has changed, whatever the initial `support` is."""
         found: Support | None = None
 
         def choose(linear: Linearised, support: BoolArray, explore: bool) -> Fit | Status:
@@ -250,7 +251,9 @@ class PreparedRecovery:
 
     def select(self, r: FloatArray, c: FloatArray, support: BoolArray) -> Selection:
         """Support of the largest recovered coefficients, without linearly dependent columns. r
-        (m,): residual at the coefficients c (k,); `support` is returned after a failure only."""
+        (m,): residual at the coefficients c (k,); `support` is returned after a failure only.
+        self.largest: number of atoms where J is orthonormal, so that the largest |J^T b| are the
+        best support; None: the solver recovers it."""
         b = self.J.dot(c) - r
         size = float(np.sqrt(b.dot(b)))
         if not size < np.inf:

@@ -266,7 +266,8 @@ def _remove_damaged(key: str) -> None:
             StoredArrays(kept / STORE).check(whole=True)
     except InputError as fault:
         _log.warning("cache entry reference/%s is damaged (%s): made again", key, fault)
-        shutil.rmtree(kept / STORE, ignore_errors=True)  # known by the digest that is its name
+        # ours whatever its files are: nobody else makes a folder with this digest as its name
+        shutil.rmtree(kept / STORE, ignore_errors=True)
         remove(own_files(kept), kept)
     except OSError:  # of another user: a miss
         pass

@@ -41,8 +41,8 @@ class Journal:
     @classmethod
     def open(cls, folder: Path, plan: StudyPlan, force: bool = False) -> "Journal":
         """Journal in a new folder, or in the folder of the same study. Raises InputError if the
-        folder contains other data, unless `force`: then these are a user's, from around an earlier
-        study."""
+        folder contains other data; not with `force`: an earlier study has then been set aside, and
+        what is left are a user's own files, which stay."""
         about = folder / ABOUT
         if about.is_file():
             try:
@@ -70,7 +70,8 @@ class Journal:
         """Committed rows, without an incomplete last line and without rows whose status is in
         `drop`.
 
-        Rewrites `runs.jsonl` and `runs.csv` with these rows.
+        Rewrites `runs.jsonl` and `runs.csv` with these rows. _written: file -> its length and
+        checksum as listed, which `add` continues.
         """
         lines = self.folder / LINES
         drop_cut_line(self.folder, LINES)

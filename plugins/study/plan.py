@@ -161,6 +161,7 @@ class StudyPlan:
         read.check(taken_names(file, (*error_columns(fields), *file.quantities)))
         read.check(file.quantity_faults(maker.base.tree, {
             *settings, *RESERVED, *OUTCOME, "seed", *error_columns(fields)}))
+        # what the rows depend on: a folder with another digest contains another study
         about = digest(
             {k: v for k, v in read.source.tree.items() if k not in OF_CHARTS},
             environment(), folder_digest(Path(__file__).parent), maker.identities,
@@ -291,6 +292,8 @@ class _RunBuilder:
         owners: changed key -> its position in the study file."""
         words = []
         for fault in error.faults:
+            # label: set of changes (such as `set`, `run`, `reference`) that made the faulty value,
+            # "" where the scene file did; option: the key as it is written in that set
             label, option = source.origin(fault.key) or ("", "")
             if not label and fault.key in owners:  # it could not even be applied
                 label, option = "run", fault.key

@@ -87,6 +87,9 @@ class Schedule:
         self, plan: StudyPlan, left: Sequence[Run], pool: Pool,
         earlier: Sequence[Mapping[str, Any]], scratch: str | None, kept: str = "",
     ) -> None:
+        """left: runs without a row; earlier: rows of earlier executions, for the progress; scratch:
+        folder for results that are not kept, None where workers have no common one; kept: folder of
+        the results that are, "" for none."""
         self._plan, self._pool, self._scratch, self._kept = plan, pool, scratch, kept
         self._jobs = {job.name: job for job in _jobs_of(left)}
         self._models = _shared_models(plan.runs)
