@@ -84,7 +84,9 @@ class MemoryWriter:
         self._attributes.update(status=status.value, summary=dict(summary))
 
     def result(self) -> RunResult:
-        """The result up to the last steps taken."""
+        """The result up to the last steps taken. _arrays: name -> entry of the arrays over time;
+        _fixed: name -> (entry, values) of the others."""
+        # shapes for a result without steps; afterwards all parts, one an `append`, are one
         empty = {name: np.zeros((0, *m["shape"][1:]), dtype=m["dtype"])
                  for name, m in self._arrays.items()}
         over_time = {name: np.concatenate([p[name] for p in self._parts] or [none])

@@ -322,6 +322,7 @@ def load_checkpoint(store: Path) -> Checkpoint | None:
     try:
         own = int(read.tree["own"])
         head = Saved(read.tree["head"], read.arrays[:own]).into(("", 0, {}), "checkpoint")
+        # identifier of the run, its number of stored steps, and the integrator's arrays by name
         run, stored, arrays = head
         memory = Saved(read.tree["memory"], read.arrays[own:])
     except (KeyError, TypeError, ValueError) as error:

@@ -129,6 +129,7 @@ def gains(facts: Mapping[str, RunFacts], base: str) -> dict[str, Gain]:
         if name == base or None in times or not (full.status.ok and own.status.ok):
             continue
         offline, online, before, steps = (float(t or 0.0) for t in times)
+        # once, with the preparation, and again, of the steps alone
         if steps > 0.0 and abs(full.end - own.end) <= 1e-9 * max(full.end, own.end):
             found[name] = Gain((offline + online) / (before + steps), (offline + online) / steps)
     return found

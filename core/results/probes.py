@@ -90,7 +90,8 @@ class ProbeReader:
 
     def header(self) -> ProbeHeader:
         """Name, place, components and units of what the probe records, in the order of its
-        values (`__call__`)."""
+        values (`__call__`). _stresses: numbers of the stresses that a body of this dimension has
+        among xx, yy, zz, xy, yz, xz."""
         axes = ["x", "y", "z"][: len(self.place.point)]
         names, units = axes[:], ["m"] * len(axes)
         if self.displacement is not None:
@@ -116,6 +117,7 @@ class ProbeReader:
                 T = T + weight * np.array([function.value(s) for s in t])
             columns.append(T)
         if self.place.stress is not None:
+            # s (j, 6): stresses xx, yy, zz, xy, yz, xz, Pa
             s = self.place.stress.base + sum(part(x) for part in self.stress)
             for weights, function in self.place.stress.given:
                 s = s + np.outer([function.value(r) for r in t], weights)

@@ -164,8 +164,9 @@ class StoredArrays:
 
     @cached_property
     def steps(self) -> int:
-        """Number of stored steps, at least `least`. Their files hold `per_file` steps each, the
-        last one fewer if need be. Raises Damaged where one is missing."""
+        """Number of stored steps, at least `least`, the number that the header or the caller
+        requires. Their files hold `per_file` steps each, the last one fewer if need be; _files:
+        number -> file. Raises Damaged where one is missing."""
         last = max([*self._files, (self.least - 1) // self.per_file])
         if last < 0:
             return 0

@@ -25,6 +25,7 @@ def check_check(check: Check, scene: Scene) -> None:
     checks.before_steps(run)
     state, memory = started(run.solver, scene.integrator, run.start)
     step = step_of(run.solver, scene.integrator, scene.time.step)
+    # functions that the check wants called after each step; True: of a run that keeps its model
     looks = checks.on_start(run, state, True)
     before = state
     for n, taken in enumerate(iterate(step, state, memory, run.steps), 1):

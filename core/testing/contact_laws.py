@@ -24,6 +24,8 @@ def check_normal_law(normal: NormalLaw, seed: int = 0, trials: int = 20) -> None
         law(np.array_equal(p, normal.pressure(depth, rate)[0]), "two values from equal arguments")
         start = normal.pressure(0.0 * depth, rate)[0]
         law(not start.any(), "pressure where surfaces just meet: it would jump there")
+        # away: 1 where a difference quotient does not reach over a break, else 0; p / h: measure of
+        # the quotient's rounding
         h, away = STEP * depth, _away(depth, breaks)
         one, two = (normal.pressure(depth + s, rate)[0] for s in (h, -h))
         _same(by_depth, (one - two) / (2 * h), p / h, away, "depth")
@@ -48,6 +50,7 @@ def check_friction_law(friction: FrictionLaw, seed: int = 0, trials: int = 20) -
         law(ratio.shape == slope.shape == slip.shape, "shapes differ")
         law(np.array_equal(ratio, friction.ratio(slip)[0]), "two values from equal arguments")
         law(bool((ratio * slip >= 0).all()), "friction that drives the slip")
+        # ratio / h: measure of the difference quotient's rounding; compared away from the breaks
         h = STEP * np.abs(slip)
         one, two = (friction.ratio(slip + s)[0] for s in (h, -h))
         _same(slope, (one - two) / (2 * h), ratio / h, _away(np.abs(slip), breaks), "slip")

@@ -93,7 +93,8 @@ class Turns:
         self.changed, self.turn, self.running = Condition(), 0, {0, 1}
 
     def run(self, me: int, what: Run) -> FloatArray:
-        """Runs `what` as thread number `me` (0 or 1) and returns its result."""
+        """Runs `what` as thread number `me` (0 or 1), which lets the other one run at every
+        `EVERY`-th function call, and returns its result."""
         calls = 0
 
         def count(frame: FrameType, event: str, arg: object) -> None:

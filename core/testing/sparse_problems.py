@@ -138,7 +138,8 @@ def _gaussian(
     rng: np.random.Generator, m: int, free: int, sizes: Sequence[tuple[int, int]], bend: float
 ) -> LeastSquares:
     """Random problem of m rows with Gaussian columns; free: number of unpenalised columns; sizes:
-    number of columns and of active columns of each group with a budget."""
+    number of columns and of active columns of each group with a budget; bend: factor of the
+    nonlinear part (B c)^2, whose matrix B is zero here and drawn by the caller."""
     groups, stop = [Group("free", 0, free, None)] if free else [], free
     for name, (width, active) in zip(("first", "second"), sizes, strict=True):
         groups.append(Group(name, stop, stop + width, active))

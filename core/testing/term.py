@@ -171,7 +171,11 @@ def _compressed(
 def _by_arrays(
     a: PointArrays, x: FloatArray, v: FloatArray, t: float, c1: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Residual and Jacobian of a projected term from its arrays."""
+    """Residual and Jacobian of a projected term from its arrays: fluxes y of a law at Q points of E
+    elements, tested by the matrices `tests`. effects: of functions of time on z, with their values,
+    rates and second differences (`bends`). reads: of each variable of the law its first row in z,
+    its number of values per element, Q or 1, and 0, 1 or 2 for one of z, w and u; law.pairs: (flux
+    i, variable j) of each derivative."""
     (E, Q), weights = a.weights.shape, a.weights.ravel()
     # z, w, u: values, rates and second differences of all variables
     z = a.P @ x + a.offset + a.effects @ np.array([f(t) for f in a.values])

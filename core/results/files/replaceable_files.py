@@ -82,7 +82,9 @@ class _Search:
 
     def result(self, prefix: str) -> None:
         """Adds the files of the result in the folder root/prefix: by `_judge` those that are as
-        they were written to our files, and to `changed` those with something else at their path."""
+        they were written to our files, and to `changed` those with something else at their path.
+        _judge(path, True if anything is there, True if it is as written); checked: the content of
+        archives and checkpoints is compared with their checksums."""
         here = self.root / prefix
         listing = read_listing(here)
         if listing is not None:
@@ -101,7 +103,9 @@ class _Search:
 
     def store(self, prefix: str) -> bool:
         """Adds the files of the store root/prefix; returns True if it is one of ours. Its header
-        has the identifier `run`, with which all archives of the store end."""
+        has the identifier `run`, with which all archives of the store end. Files with something
+        else at their path are `changed`: _judge(path, True if anything is there, True if it is
+        ours)."""
         store = self.root / prefix
         header = store / HEADER
         if not is_kind(store, stat.S_ISDIR) or not os.path.lexists(header):

@@ -57,7 +57,7 @@ def read_listing(folder: Path) -> Listing | None:
     files: dict[str, list[Written]] = {}
     alone: dict[str, list[Written]] = {}
     parts: dict[str, None] = {}
-    for line in lines:
+    for line in lines:  # paths that would leave the folder are no entries
         if _inside(line.get("part")):
             parts[line["part"]] = None
         if _inside(line.get("file")):

@@ -88,8 +88,8 @@ def shuffled(a: NDArray[Any]) -> bytes:
 
 
 def _products(arrays: Sequence[NDArray[Any]]) -> dict[int, tuple[int, int, bool]]:
-    """Number of a large matrix -> numbers of the matrix and the vector whose product, `_times`, it
-    is to the last digit."""
+    """Number of a large matrix a -> numbers of the matrix b and the vector v whose product
+    diag(v) b (`_times`) it is to the last digit, and True if it is the transposed one."""
     found: dict[int, tuple[int, int, bool]] = {}
     kept = set[int]()  # matrices of products: they are stored themselves
     large = [i for i, a in enumerate(arrays) if _is_large(a)]
