@@ -5,10 +5,10 @@ from inspect import getdoc
 from pathlib import Path
 
 from sparsemor.core import Part, ReducedTerm, StepMemory, StepSolver, Term
-from sparsemor.core.cli.validate_schema_plugins import first_sentence
 from sparsemor.core.model.optional_features import FEATURES
 from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.registry.contracts import CONTRACTS, PARTS, members, required, shape
+from sparsemor.plugins.commands.validate_schema_plugins import first_sentence
 
 PASSED = {"term": Term, "reduced term": ReducedTerm, "step solver": StepSolver,
           "memory of a step solver": StepMemory}

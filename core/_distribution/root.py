@@ -7,7 +7,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from sparsemor.core.analysis.compare import compare as compare
     from sparsemor.core.errors import InputError as InputError
     from sparsemor.core.registry.registry import Registry as Registry
     from sparsemor.core.results.run_result import open_result as open_result
@@ -24,6 +23,7 @@ if TYPE_CHECKING:
     from sparsemor.plugins.analyses.solve import solve as solve
     from sparsemor.plugins.charts import plot as plot
     from sparsemor.plugins.charts.animation import animate as animate
+    from sparsemor.plugins.comparison.compare import compare as compare
     from sparsemor.plugins.export import export as export
     from sparsemor.plugins.liang2026.reproduce import reproduce as reproduce
     from sparsemor.plugins.study import study as study
@@ -41,7 +41,7 @@ _HOMES = {
     "Status": "core.status",
     "advise": "plugins.advice.advice",
     "animate": "plugins.charts.animation",
-    "compare": "core.analysis.compare",
+    "compare": "plugins.comparison.compare",
     "export": "plugins.export",
     "load": "core.scene.scene",
     "load_model": "core.simulation.reduced_model",

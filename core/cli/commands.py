@@ -20,9 +20,9 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry
 
 GROUP = "command"
-OWN = {"run": "run", "compare": "compare", "validate": "validate_schema_plugins",
-       "schema": "validate_schema_plugins", "plugins": "validate_schema_plugins"}
-"""Core's commands, whose names nobody else can take, and their modules in core/cli."""
+OWN = ("run",)
+"""Core's commands, whose names nobody else can take: functions of the modules of core/cli that are
+called like them."""
 
 
 class Commands(TyperGroup):
@@ -35,7 +35,7 @@ class Commands(TyperGroup):
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         if cmd_name in OWN:
-            module = import_module(f"sparsemor.core.cli.{OWN[cmd_name]}")
+            module = import_module(f"sparsemor.core.cli.{cmd_name}")
             return _made(cmd_name, vars(module)[cmd_name])
         return _found(cmd_name) if Registry().has(GROUP, cmd_name) else None
 

@@ -86,7 +86,7 @@ def _kept(scene: str, resume: bool) -> "ReducedModel | None":
 def in_words(summary: Mapping[str, Any]) -> str:
     """Summary of a run as aligned lines of text; entries that the run does not report are left
     out."""
-    from sparsemor.core.results.cost import solvers_in_words
+    from sparsemor.core.results.linear_solver_cost import solvers_in_words
     from sparsemor.core.results.tables import marked
 
     lines = [("status", summary.get("status")), ("reducer", summary.get("reducer"))]

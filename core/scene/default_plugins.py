@@ -1,5 +1,4 @@
-"""Default plugins, by name, of scenes and commands that name none: the only plugin names in
-core."""
+"""Default plugins, by name, of scenes that name none: the only plugin names in core."""
 
 MOTION, HEAT = "generalized_alpha", "bdf2"
 """Integrators of second order: of scenes in which something moves, and of heat alone."""
@@ -8,12 +7,6 @@ FULL_ORDER = "full"
 LARGEST_ERROR = 1e-11
 """Tolerance of a step of training runs (its option `remaining`): the second iteration of tighter
 ones proves what the first one has reached, and takes as long (decision 0044)."""
-PROJECTION = "galerkin"
-"""Reducer by Galerkin projection, with which the stability of other reducers is compared."""
-CHOOSER = "auto"
-"""Reducer that chooses another one, with which `sparsemor advise` makes its trial runs."""
-COMPARED = "full,galerkin,sparse"
-"""Reducers that `sparsemor compare` runs."""
 SAMPLED = "sparse"
 """Reducer with a sampler, preconditioner and sparse solver, which a scene takes when an override
 sets such an option that its own reducer lacks."""

@@ -28,7 +28,7 @@ from sparsemor.core.scene.scene import Scene
 
 PACKAGE = "sparsemor"
 FOLDERS = ("core", "bodies", "reducers", "integrators", "plugins")
-OUTSIDE = ("core/analysis", "core/cli")
+OUTSIDE = ("core/cli",)
 """Folders in these whose code starts runs and evaluates results, so that no run depends on it."""
 LIBRARIES = ("numpy", "scipy", "scikit-fem", "meshio", "pypardiso", "scikit-sparse", "pyamg",
              "cvxpy", "scikit-learn")

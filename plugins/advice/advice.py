@@ -26,7 +26,7 @@ from sparsemor.core.protocols.reducer import Choice, TrialRun
 from sparsemor.core.registry.hooks import Manager, new_manager
 from sparsemor.core.results.atomic_files import replace_file
 from sparsemor.core.results.tables import text_table
-from sparsemor.core.scene.default_plugins import CHOOSER, FULL_ORDER
+from sparsemor.core.scene.default_plugins import FULL_ORDER
 from sparsemor.core.scene.html import html_text
 from sparsemor.core.scene.option_tree import nested
 from sparsemor.core.scene.scene import Scene
@@ -39,6 +39,8 @@ from sparsemor.core.simulation.training import offline_of
 from sparsemor.core.status import SolveFailed
 from sparsemor.plugins.stability.stability_check import check_run
 
+CHOOSER = "auto"
+"""Reducer that chooses another one, with which the trial runs are made."""
 CHOSEN, UNMET = "chosen", "tolerance_unmet"
 """Kinds of the notes on a chosen reducer."""
 

@@ -37,7 +37,7 @@ from sparsemor.plugins.charts.work_precision import WorkPoint, work_precision_fi
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from sparsemor.core.analysis.compare import Comparison
+    from sparsemor.plugins.comparison.compare import Comparison
 
 FORMATS = ("png", "svg")
 Makers = dict[str, "Callable[[], Figure | None]"]

@@ -1,8 +1,8 @@
 """Work-precision chart of a comparison: its points, and the notes below it."""
 
-from sparsemor.core.analysis.compare import Comparison
-from sparsemor.core.analysis.training_span import training_lines
 from sparsemor.plugins.charts.work_precision import WorkPoint
+from sparsemor.plugins.comparison.compare import Comparison
+from sparsemor.plugins.comparison.training_span import training_lines
 
 
 def work_points(comparison: Comparison) -> tuple[list[WorkPoint], WorkPoint]:

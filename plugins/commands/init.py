@@ -164,9 +164,9 @@ class MeshWithSets:
     ) -> tuple[str, dict[str, Any]]:
         """Text of the scene, and mass (kg) and first frequency (Hz) of its body, which its force
         and its steps are made for. Raises InputError where such a body cannot be."""
-        from sparsemor.core.analysis.body_summary import body_facts
         from sparsemor.core.scene.scene import load as loaded
         from sparsemor.core.simulation.validation import checked_model
+        from sparsemor.plugins.commands.body_summary import body_facts
 
         name = re.sub(r"\W+", "_", self.path.stem)
         name = name if re.match(r"[A-Za-z]", name) else f"body_{name}"

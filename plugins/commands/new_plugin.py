@@ -11,10 +11,10 @@ import typer
 
 from sparsemor.core.cli.commands import OWN
 from sparsemor.core.cli.options_and_exit_codes import located_in, path_of
-from sparsemor.core.cli.validate_schema_plugins import NO_CLASS
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry, suggestions
 from sparsemor.core.results.output_directory import OutputDirectory
+from sparsemor.plugins.commands.validate_schema_plugins import NO_CLASS
 
 TEMPLATES = Path(__file__).with_name("plugin_templates")
 """Folder of the package templates: one text per plugin kind; a line `==> NAME` begins the file

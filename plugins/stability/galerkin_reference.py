@@ -23,13 +23,14 @@ from sparsemor.core.arrays import BoolArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.model import Model
 from sparsemor.core.registry.registry import Registry
-from sparsemor.core.scene.default_plugins import PROJECTION
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.simulation.time_stepping import FixedStep, accepted_steps, full_state, started
 from sparsemor.core.simulation.training import state_steps
 from sparsemor.core.status import SolveFailed, Status
 
+PROJECTION = "galerkin"
+"""Reducer by Galerkin projection."""
 COARSE = 400
 """Number of steps from which on a run of the Galerkin model takes longer ones."""
 MANY = 400

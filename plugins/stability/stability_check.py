@@ -20,7 +20,6 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.model.model import Model
 from sparsemor.core.notes import Note, information
 from sparsemor.core.registry.registry import Registry
-from sparsemor.core.scene.default_plugins import PROJECTION
 from sparsemor.core.scene.digest import digest
 from sparsemor.core.scene.overrides import split
 from sparsemor.core.scene.run_identity import IRRELEVANT
@@ -33,6 +32,7 @@ from sparsemor.core.simulation.training import in_training
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.plugins.checks import place
 from sparsemor.plugins.stability.galerkin_reference import (
+    PROJECTION,
     linearization_times,
     projected,
     states_along,

@@ -31,9 +31,9 @@ from modules.method_runs import (
     worst,
 )
 
-from sparsemor.core.results.cost import run_facts
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import Scene, load
+from sparsemor.plugins.comparison.cost import run_facts
 
 BLOCKS = ("disk.elastic", "pad.elastic", "disk.thermal", "pad.thermal")
 POD = {"basis": {"use": "pod", "count": 100}, "bases": {"pad.*": {"use": "pod", "count": 20}}}

@@ -31,8 +31,8 @@ from modules.method_runs import (
     worst,
 )
 
-from sparsemor.core.results.cost import run_facts
 from sparsemor.core.scene.scene import Scene, load
+from sparsemor.plugins.comparison.cost import run_facts
 
 BLOCKS = ("slider.elastic", "plate.elastic", "slider.thermal", "plate.thermal")
 POD = {"basis": {"use": "pod", "count": 100}, "bases": {

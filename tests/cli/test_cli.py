@@ -252,9 +252,9 @@ def test_compare_runs_each_reducer(runs, monkeypatch):
                           late_errors={}, trained_to={}, gains={},
                           write=lambda directory, *_: [directory / "errors.csv"])
 
-    module = ModuleType("sparsemor.core.analysis.compare")
+    module = ModuleType("sparsemor.plugins.comparison.compare")
     module.compare, module.installed_charts = compare, list
-    monkeypatch.setitem(sys.modules, "sparsemor.core.analysis.compare", module)
+    monkeypatch.setitem(sys.modules, "sparsemor.plugins.comparison.compare", module)
     checked_by(monkeypatch, lambda scene, body_cache: None)
     done = sparsemor("compare", "scene.yaml", "--reducers", "direct,second,tuned", "--json")
     assert done.code == 0

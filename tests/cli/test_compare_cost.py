@@ -12,13 +12,13 @@ from typer.testing import CliRunner
 
 from sparsemor import load, open_result, plot, simulate
 from sparsemor.bodies.mesh.generators.rectangle import Rectangle
-from sparsemor.core.analysis.compare import compare
 from sparsemor.core.cli import app
-from sparsemor.core.cli.compare import variants
 from sparsemor.core.model import assembly
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.plugins.charts.comparison_points import work_notes, work_points
+from sparsemor.plugins.comparison.command import variants
+from sparsemor.plugins.comparison.compare import compare
 from sparsemor.reducers.full.reducer import Full
 
 SCENES = Path(__file__).parents[1] / "scenes"

@@ -14,12 +14,12 @@ import pytest
 import analysed
 from sparsemor import compare, load, open_result, reduce, simulate
 from sparsemor import solve as analyse
-from sparsemor.core.analysis.body_summary import body_facts
 from sparsemor.core.cli import app
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
+from sparsemor.plugins.commands.body_summary import body_facts
 from sparsemor.plugins.export.fmu import export_fmu
 
 pytestmark = pytest.mark.full

@@ -4,8 +4,8 @@ import re
 
 import pytest
 
-from sparsemor.core.cli.validate_schema_plugins import NO_CLASS, first_sentence
 from sparsemor.core.registry.registry import Registry
+from sparsemor.plugins.commands.validate_schema_plugins import NO_CLASS, first_sentence
 
 
 def plugin_classes() -> list[tuple[str, type]]:

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from modules import report
 
-from sparsemor.core.results.cost import run_facts
 from sparsemor.core.results.run_result import RunResult
+from sparsemor.plugins.comparison.cost import run_facts
 
 
 def fill(

@@ -13,7 +13,6 @@ from small_scenes import everything, tiny
 from sparsemor import InputError, load, load_model, reduce
 from sparsemor.bodies.terms.weak_term import WeakTerm
 from sparsemor.core import Integrator, State
-from sparsemor.core.analysis.compare import compare
 from sparsemor.core.model.equations import system_residual
 from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.protocols.integrator import new_state, step_formula
@@ -28,6 +27,7 @@ from sparsemor.integrators.bdf1 import Bdf1
 from sparsemor.integrators.bdf2 import Bdf2
 from sparsemor.integrators.generalized_alpha import GeneralizedAlpha
 from sparsemor.plugins.charts.error_over_time import error_over_time_figure
+from sparsemor.plugins.comparison.compare import compare
 from sparsemor.reducers.estimation import (
     coupled_errors,
     error_space,

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from small_scenes import coarse_pendulum, everything
 from sparsemor.core import Dictionary
-from sparsemor.core.analysis.compare import compare
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols.separable import HeatBody, MovingBody
 from sparsemor.core.scene.scene import Scene
@@ -18,6 +17,7 @@ from sparsemor.core.simulation.offline import Offline, Recording
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.status import SolveFailed
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
+from sparsemor.plugins.comparison.compare import compare
 from sparsemor.reducers.linalg.left_inverse import left_inverse
 from sparsemor.reducers.projection.deim import Deim
 from sparsemor.reducers.projection.force_modes import (

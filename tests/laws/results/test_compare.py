@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from sparsemor.core import Dictionary
-from sparsemor.core.analysis.compare import Comparison, compare, installed_charts
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.layout import Block, Layout
 from sparsemor.core.results.error_norms import common_steps, measure_errors
@@ -18,6 +17,7 @@ from sparsemor.core.results.run_result import RunResult, open_result
 from sparsemor.core.status import Status
 from sparsemor.plugins.charts import FORMATS, write_run_charts
 from sparsemor.plugins.charts.fields import magnification
+from sparsemor.plugins.comparison.compare import Comparison, compare, installed_charts
 from written_runs import (
     ALL,
     ELASTIC,

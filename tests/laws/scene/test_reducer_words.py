@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 
 from sparsemor import InputError, load
-from sparsemor.core.cli.compare import variants
 from sparsemor.core.scene.scene import Scene, build
 from sparsemor.core.scene.source import Source
+from sparsemor.plugins.comparison.command import variants
 from sparsemor.plugins.study.plan import StudyPlan
 
 SCENES = ("slider_plate", "brake_disk", "double_pendulum")

@@ -12,7 +12,6 @@ import pytest
 
 from small_scenes import tiny
 from sparsemor.core import hookimpl
-from sparsemor.core.analysis.compare import compare
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.step_solver import StepBlock
 from sparsemor.core.results.error_norms import Errors, measure_errors
@@ -23,6 +22,7 @@ from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.simulation.time_stepping import FixedStep, iterate
 from sparsemor.core.simulation.validation import checked_model
 from sparsemor.core.status import SolveFailed, Status
+from sparsemor.plugins.comparison.compare import compare
 
 SEGMENTS, STEPS = 8, 64
 TOLERANCE = 0.02

@@ -14,13 +14,13 @@ from sparsemor.core.cli import app
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.registry.hooks import new_manager
-from sparsemor.core.results.cost import run_facts
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.memory import limits as memory
 from sparsemor.core.simulation.memory.estimate import estimate, fitting
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.stages_before_steps import prepared
 from sparsemor.core.testing.in_memory_run import scene_of
+from sparsemor.plugins.comparison.cost import run_facts
 from sparsemor.plugins.linear_solvers.auto import AutomaticSolver
 from sparsemor.plugins.linear_solvers.superlu import Splu
 

@@ -8,12 +8,12 @@ from typing import Any
 import pytest
 
 from small_pendulum import small
-from sparsemor.core.analysis.compare import compare
 from sparsemor.core.errors import InputError
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.status import SolveFailed
+from sparsemor.plugins.comparison.compare import compare
 from sparsemor.plugins.stability.survey import SeedStability, Survey, VariantStability, survey
 from sparsemor.plugins.stability.variants import SurveyPlan, variants
 

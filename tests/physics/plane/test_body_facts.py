@@ -7,8 +7,8 @@ import pytest
 
 from small_scenes import tiny
 from sparsemor import load
-from sparsemor.core.analysis.body_summary import body_facts, in_words
 from sparsemor.core.simulation.validation import checked_model
+from sparsemor.plugins.commands.body_summary import body_facts, in_words
 
 CANTILEVER = Path(__file__).parents[3] / "docs" / "examples" / "cantilever.yaml"
 

@@ -6,10 +6,10 @@ from typing import Any
 import pytest
 
 from small_scenes import coarse_pendulum
-from sparsemor.core.analysis.compare import compare
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.simulate import simulate
+from sparsemor.plugins.comparison.compare import compare
 
 pytestmark = pytest.mark.full
 

@@ -6,11 +6,9 @@ from html import escape
 from pathlib import Path
 from typing import Any, Protocol
 
-from sparsemor.core.analysis.training_span import end_of_training, training_lines
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry
-from sparsemor.core.results.cost import Gain, RunFacts, gain_table, gains, pays_after, run_facts
 from sparsemor.core.results.error_norms import (
     LIMIT,
     START_UP,
@@ -26,6 +24,15 @@ from sparsemor.core.results.presentation import CHARTS, Drawn
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.tables import CONSTANT, MARK, csv_table, marked, number, text_table
 from sparsemor.core.scene.html import html_table
+from sparsemor.plugins.comparison.cost import (
+    Gain,
+    RunFacts,
+    gain_table,
+    gains,
+    pays_after,
+    run_facts,
+)
+from sparsemor.plugins.comparison.training_span import end_of_training, training_lines
 
 REFERENCE = "reference"
 NONE: Mapping[str, str] = {}

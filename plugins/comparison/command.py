@@ -32,7 +32,6 @@ from sparsemor.core.notes import folded
 from sparsemor.core.results.atomic_files import writing
 from sparsemor.core.results.files.written_files import add_part
 from sparsemor.core.results.output_directory import COMPARISON, OutputDirectory
-from sparsemor.core.scene.default_plugins import COMPARED
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.status import SolveFailed, Status
 
@@ -40,6 +39,8 @@ if TYPE_CHECKING:
     from sparsemor.core.results.run_result import RunResult
 
 Out = Annotated[Path | None, out_option("runs/SCENE-compare")]
+COMPARED = "full,galerkin,sparse"
+"""Reducers that are run where none are named."""
 TABLES = ("errors.csv", "start_up.csv", "error_over_time.csv")
 """Files of a comparison, besides pictures."""
 HALF = 0.5
@@ -79,7 +80,7 @@ def compare(
     _refuse_early(scenes, body_cache)
     writes = list(TABLES)
     if charts:
-        from sparsemor.core.analysis.compare import installed_charts
+        from sparsemor.plugins.comparison.compare import installed_charts
 
         for drawing in installed_charts():
             writes += drawing.usual_files(tuple(scenes))
@@ -208,7 +209,7 @@ def _report(
     """Writes the tables and charts of a comparison and prints it; ends the command with the code of
     a failed run if one has failed. The first result is the reference; owners: names of bodies and
     joints, for notes that are alike but for these."""
-    from sparsemor.core.analysis.compare import compare as compared
+    from sparsemor.plugins.comparison.compare import compare as compared
 
     reference, *others = results
     failed = [f"{name}: {error}" for name, error in failures.items()]
