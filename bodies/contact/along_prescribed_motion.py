@@ -96,7 +96,8 @@ def windows(
 ) -> Iterator[Window]:
     """Overlaps and pieces in contact at all times of the motion, in consecutive windows of times,
     of as many times as make about `AT_ONCE` pairs of facets. Vectors are in the second body's axes.
-    near: search for close facets; face: laws of pressure and friction."""
+    near: search for close facets; face: laws of pressure and friction; planes, cells: of the second
+    surface's facets, a cell being the prism over a facet whose points belong to it."""
     one, other, all_times = Path(first, motion), Path(second, motion), steps(motion)
     i, j, planes, cells = first.facets, second.facets, second.planes, second.cells
     begin, together = 0, 1
@@ -110,6 +111,7 @@ def windows(
         # pairs: facet f of the first and g of the second surface at time k of the window
         here, g = near.pairs(middles.reshape(-1, first.d), second.tree)
         k, f = np.divmod(here, len(i))
+        # pairs in which the first facet's ball may meet the second one's cell
         some = balls_in_cells(middles[k, f], first.radii[f], planes, cells, g)
         k, f, g = k[some], f[some], g[some]
         o, kept = Overlaps.from_pairs(
@@ -127,7 +129,8 @@ RESTLESS = 0.02
 
 def chatter_ratio(normal: FloatArray) -> float:
     """Mean change per step of the normal force (T,) relative to its mean, in the second half of a
-    run, if it reverses its direction in more than half of the steps; else 0.
+    run, if that exceeds `RESTLESS` and the change has another sign than that of the step before in
+    more than half of the steps; else 0.
 
     A motion that the time step resolves reverses less often: faster oscillation is numerical.
     """

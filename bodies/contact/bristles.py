@@ -29,7 +29,7 @@ BRISTLES = FieldKind("bristles", order=1, unit="m", title="deflection of bristle
                      scale=1e-6, smallest=1e-9, change=1e-2)
 """Deflections of the patches of a contact."""
 DELAY = 1e-11
-"""Time tau, s: slipping bristles deflect by tau |V| beyond z_1."""
+"""Time tau, s: slipping bristles deflect by tau |V| beyond z_0."""
 
 class Slip(FrictionLaw):
     """Traction p w, whose nodal forces are integrals of the slip."""
@@ -85,8 +85,10 @@ class Bristles:
         their rates z' = V - lost follow: the mean slip V = int phi p w dA / int phi p dA, and the
         rate lost = (|z| - z_0)+ / tau z / |z| by which they slip through, with its derivative by z.
 
-        corners (P, d): nodes of the first facets; z_0: `give`, the deflection from which bristles
-        slip, 0 without pressure; tau: `DELAY`; N: normal force on each patch, N.
+        corners (P, d): nodes of the first facets; phi: sum of the shape functions of a patch's
+        nodes; p: pressure; w: slip velocity of the first surface along the second; z_0: `give`, the
+        deflection from which bristles slip, 0 without pressure; tau: `DELAY`; N, moved: int phi p
+        dA, the normal force, N, and int phi p w dA, W, first at each corner, then by patch.
         """
         _, N, moved = _integrals(o, pieces, face)
         at = self.patch[corners].ravel()
@@ -110,7 +112,10 @@ class Bristles:
         jump at every border of a cell; now: N and V of the bristles.
 
         V = M / N with M = int phi p w dA = N n - F, F the nodal forces of the traction p (n - w):
-        dV = (dM - V dN) / N; n: normal of the second facet, which moves if it deforms (vb).
+        dV = (dM - V dN) / N; n: normal of the second facet, which moves if it deforms (vb). phi:
+        shape functions of the first facet's corners, each in the row of its patch; p: pressure; w:
+        slip velocity. D: coordinates of the first facet's corners (the d^2 rows of F), and of the
+        second's if that deforms; tilts(o)[0]: derivative of n by these.
         """
         P, d, at = len(corners), o.d, self.patch[corners]
         o = replace(o, at=o.at[:, :, : o.eta_columns.stop])  # without bristles
@@ -142,10 +147,14 @@ class Bristles:
         """Derivatives of the nodal forces (P, D, d^2) and heats (P, 2 d, d^2) of each overlap by
         the deflections z at the first facet's corners; c1 (P, d^2): dz' = c1 dz; overlaps with
         deflections (`on`). D: coordinates of the first facet's corners, and of the second's if that
-        deforms. W: quadrature weights times mu p / z_0, s, eta: shape functions of both facets.
+        deforms. W (m, q): weights of the q quadrature points of m pieces, times mu p / z_0; s, eta:
+        shape functions of both facets.
 
-        The force is -p mu Z, with the rigid arm of tractions.py on the second facet, the heat p mu
-        Z . (w - z'); Z is linear in the deflections.
+        The traction on the first body is F = -p mu Z with Z = sum s z / z_0 along the second facet
+        (q.bent: Z before that projection), and so linear in the deflections. On the second facet's
+        corners it acts as -(eta F + depth (g . F) n), g the gradients of eta, n the normal. Heat: p
+        mu Z . (w - z'), w the slip velocity (q.free: w - z'), the fraction face.share of it to the
+        first facet.
         """
         q = ContactSamples.at(o, pieces.overlap, pieces.samples(face.points), face)
         P, d = len(o.at), o.d

@@ -92,7 +92,9 @@ class ContactPart(Contact):
         deforms: bool, bristles: Bristles | None = None,
     ) -> None:
         """Adds the term to the blocks of unknowns on which it depends and acts; nothing if it acts
-        on no unknown."""
+        on no unknown. deflections: numbers of the bristles' unknowns, none without bristles;
+        together: solved with all other unknowns by Newton's method, as deformable surfaces are
+        stiff; near, reach: search for close facets, largest admissible penetration, m."""
         deflections = equations.numbers(f"{self.name}.{BRISTLES.name}" if bristles else "")
         term = ContactTerm.between(
             sides, face, self.near, deforms, self.reach, bristles, deflections)
@@ -238,7 +240,8 @@ def _passage(
 class _Sums:
     """Loads on the nodes of a surface, collected over successive windows of times; each window has
     only the nodes in contact in it. touched: these nodes, for each window; values (times, nodes, d
-    + 1): force and heat on them. In the plane, or without contact, `loads` has all n nodes."""
+    + 1): force and heat on them. In the plane, where surfaces have few nodes, or without contact,
+    `loads` has all n nodes."""
 
     def __init__(self, surface: Surface) -> None:
         self.n, self.d = len(surface.nodes), surface.d

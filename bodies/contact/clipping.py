@@ -224,7 +224,8 @@ def _two(first: Any, second: Any) -> Any:
 def _interval(bounds: FloatArray, tags: IntArray) -> Parts:
     """Parts of P segments on which B linear functions are nonnegative: from the last of the points
     where a function becomes positive to the first where one becomes negative. bounds (P, 2, B):
-    values at both ends; tags (B,): of the ends that they cut, `NONE` at the segment's own."""
+    values at both ends; tags (B,): tag of an end that the function cuts, while an uncut end has
+    `NONE`; `_at`: barycentric coordinates (1 - t, t) of positions t from 0 to 1."""
     f0, f1 = bounds[:, 0], bounds[:, 1]
     drop = f0 - f1
     root = f0 / np.where(drop == 0, 1.0, drop)
@@ -253,7 +254,7 @@ def _split_intervals(
 ) -> tuple[IntArray, Parts]:
     """`Parts.split` for segments: at the coordinates from 0 to 1 where each function, values (P, 2)
     at the ends, has its level, if that is inside a part. of: part of each new one; edges: tags of
-    its two ends, `NONE` at a cut."""
+    its two ends, `NONE` at a cut; corners are barycentric (1 - t, t), low and high are t."""
     low, high = p.corners[:, 0, 1], p.corners[:, 1, 1]
     inner = [np.clip(_crossing(values, level), low, high) for values, level in cuts]
     ends = np.sort(np.stack([low, *inner, high], axis=1), axis=1)

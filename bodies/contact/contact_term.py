@@ -142,7 +142,7 @@ class ContactTerm(Term):
         """Numbers of the facets of the first and of the second surface in each evaluated pair:
         close facets of which one is active and, in space, where the first one's ball may meet the
         second one's cell (the undeformed one). here.a, here.b: node positions; planes: of second
-        facets."""
+        facets; _whole: all facets of a surface are active, so that every pair has an active one."""
         first, second = (s.surface for s in self.sides)
         corners = here.a[first.facets]
         middles = corners.mean(axis=1)
@@ -167,7 +167,8 @@ class ContactTerm(Term):
     def residual(self, x: FloatArray, v: FloatArray, a: FloatArray, t: float) -> FloatArray:
         """Forces and heats at the nodes of both surfaces and on their frames, with minus sign; nan
         for a state that is not finite. Bristles with the deflection z: z' - (V - lost) = 0. writes:
-        row of each local unknown (frames, displacements, temperatures, bristles), -1 for none."""
+        row of each local unknown (frames, displacements, temperatures, bristles), -1 for none;
+        elements: number of active facets, 0 for a term restricted to rows without contact."""
         if not self.elements:
             return np.zeros(len(self.rows))
         now = self._evaluate(x, v, t)
@@ -198,8 +199,8 @@ class ContactTerm(Term):
         """Derivatives of the residual (minus the forces and heats), as the sum of a dense block for
         each pair of facets, and of the bristles; c1 (n,): dv = c1 dx. at (P, m): local unknowns of
         each pair, which are at `reads` in the columns and `writes` in the rows, -1 for none; the
-        first n.frames of them are the rigid coordinates of both bodies. own: bristles by
-        themselves.
+        first n.frames of them are the rigid coordinates of both bodies, and those from n.all on the
+        bristles. own: bristles by themselves. elements: number of active facets.
         """
         shape = len(self.rows), len(self.columns)
         if not self.elements:
@@ -250,7 +251,14 @@ class ContactTerm(Term):
 
         Rows and columns: up to f frames, up to m displacements, up to w temperatures, then d^2
         bristles. Only the first pair has the derivatives of the frames' rows for constant forces,
-        which are sums over all pairs.
+        which are sums over all pairs. Blocks that stay zero: forces depend on no temperature, free
+        motion on neither temperatures nor bristles (`_of_bristles` adds these).
+
+        Local numbers of all unknowns: up to n.whole frames and displacements of both sides, up to
+        n.all temperatures, then bristles; writes: row of each, -1 for none. i, j: corners of the
+        first and of the second facets; D: their coordinates that move (rows of tangent.z before the
+        heats). `by_unknowns` needs only i: positions are in the second body's axes, in which its
+        own corners move with their displacements alone.
         """
         k, n = now.kinematics, now.kinematics.sizes
         warms = bool((self.writes[n.whole :] >= 0).any())
@@ -267,6 +275,7 @@ class ContactTerm(Term):
         made[:, :m, :m] = k.by_unknowns(inner[:, :D].transpose(0, 2, 1), i).transpose(0, 2, 1)
         made[:, m:w, :m], made[:, m:w, m:w] = inner[:, D:], tangent.T
         forces = summed(now.loads.force[:, : n.d], now.pieces.overlap, P)
+        # own (P, d^2, f): rows of the first facet's displacements by frames, for constant forces
         frames, own = k.rows_by(forces, i)
         made[0, :f, :f] += frames
         if n.u1:
@@ -380,7 +389,8 @@ class ContactTerm(Term):
 
     def among(self, first: IntArray, second: IntArray) -> tuple[Self, IntArray, IntArray]:
         """The contact between the facets `first` and `second` (numbers) of the two surfaces alone,
-        and the positions of its columns and rows in this term. used1, used2: their nodes; mine:
+        for a Verlet list (verlet_list.py), and the positions of its columns and rows in this term.
+        used1, used2: their nodes; mine:
         their local unknowns, and all bristles; reads, writes: columns and rows of these, -1 for
         none."""
         n = Sizes.from_sides(*self.sides)

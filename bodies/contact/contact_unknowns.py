@@ -211,7 +211,8 @@ class Sizes:
         temperatures.
 
         nodes (P, 2 d): corners of both facets, the second surface's nodes numbered after the
-        first's.
+        first's. frames, u1, u2: numbers of rigid coordinates and of displacements of each surface,
+        0 where it does not deform; whole: their sum, behind which the temperatures are.
         """
         at = [np.broadcast_to(np.arange(self.frames), (len(nodes), self.frames))]
         if self.u1:

@@ -242,7 +242,7 @@ class Kinematics:
         displacements' rows (P, d^2, frames). The derivative of the rigid coordinates' rows by the
         displacements is the transpose of the latter. f: in the second body's axes, N; arms(g) @ phi
         = phi x g; one.by: of the rotation phi by the attitude coordinates, one.rows_by: of the
-        generalized force of a constant torque.
+        generalized force of a constant torque; _total(a, b): sum over points of a^T b.
         """
         n, d = self.sizes, self.sizes.d
         one, two, at = self.one, self.two, i.ravel()
@@ -282,7 +282,8 @@ def too_deep(
 
     Before a step in which it crosses a facet, a node is no farther from the facet than the distance
     that both move in the step. now.a, va, b, vb: positions and velocities of both surfaces' nodes
-    in the second body's axes; near.most: largest number of facets near any point.
+    in the second body's axes; near.most: largest number of facets near any point, of which four
+    times as many are searched, as the search radius includes the motion.
     """
     before, before_b = now.a - h * now.va, now.b - h * now.vb  # one step earlier, to first order
     deforms = now.sizes.u2 > 0

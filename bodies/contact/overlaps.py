@@ -61,7 +61,7 @@ class Pairs:
 
     def measure(self) -> FloatArray:
         """(P,) (d - 1)! times the length (m) or area (m2) of the first facet projected on the
-        second one."""
+        second one, positive where their outward normals are opposite."""
         return np.asarray(-(area_vectors(self.a) * self.planes.n).sum(axis=1))
 
 
@@ -146,7 +146,7 @@ def relative(pairs: Pairs, depth: FloatArray, eta: FloatArray) -> FloatArray:
     """
     if pairs.vb is None:
         return pairs.va
-    # rate of the normal: sum g (n . b')
+    # minus the rate of the normal: sum g (n . b')
     swing = pairs.planes.g.transpose(0, 2, 1) @ (pairs.vb @ pairs.planes.n[:, :, None])
     return np.asarray(pairs.va - eta @ pairs.vb - depth[:, :, None] * swing.transpose(0, 2, 1))
 

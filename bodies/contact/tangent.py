@@ -221,7 +221,8 @@ def _warm_first(
         return (q.s[..., :, None] * by[..., None, :]).reshape(M, k, d**2) * W[..., None]
 
     by_z = _heats(q, columns(of.heat_y), face.share) + _conducted(q, columns(of.flow_y))
-    # the heat of a point moves over the second facet: its shape functions eta change
+    # the heat of a point moves over the second facet: its shape functions eta change by y; moved
+    # (M, k, corner of the second facet, component of y)
     moved = _carried(o, q, of, face.share) * W[..., None, None]
     by_z[:, d:] += np.einsum("mqja,mqi->mjia", moved, q.s).reshape(M, d, d**2)
     return by_z, _heats(q, columns(of.heat_w), face.share)
@@ -267,8 +268,10 @@ def _both_move(
     o: Overlaps, q: ContactSamples, W: FloatArray, of: Responses
 ) -> tuple[FloatArray, FloatArray]:
     """Derivatives (M, 2 d^2, 2 d^2) of the nodal forces by positions and by velocities of both
-    facets' corners: of the traction by relative displacement y, normal n and velocity w, dw = ... -
-    delta dh, times the derivatives y_by, n_by and h_by (delta dh) of these; W (M, k): weights."""
+    facets' corners: of the traction by relative displacement y, normal n and relative velocity w,
+    times the derivatives y_by, n_by and h_by, (M, 1 or k, d, D), by D = 2 d^2 coordinates of
+    corners. w contains -delta h with the penetration delta and h = sum g (n . b'), minus the rate
+    of the second facet's normal; h_by: delta dh. W (M, k): weights."""
     y_by, n_by, h_by = _moves(o, q)
     (M, k), d, D = W.shape, o.d, y_by.shape[3]
     by_z = of.force_y @ y_by + of.force_n @ n_by - of.force_w @ h_by
@@ -283,8 +286,9 @@ def _warm_both(
 ) -> tuple[FloatArray, FloatArray]:
     """Derivatives (M, 2 d, 2 d^2) of the nodal heats by positions and by velocities of both facets'
     corners: of friction heat (heat_) and conducted heat (flow_) by relative displacement y, normal
-    n and velocity w, dw = ... - delta dh, times the derivatives y_by, n_by and h_by (delta dh) of
-    these; W (M, k): weights."""
+    n and relative velocity w, times the derivatives y_by, n_by and h_by, (M, 1 or k, d, D), by D =
+    2 d^2 coordinates of corners. w contains -delta h with the penetration delta and h = sum g (n .
+    b'), minus the rate of the second facet's normal; h_by: delta dh. W (M, k): weights."""
     y_by, n_by, h_by = _moves(o, q)
 
     def columns(by: FloatArray, variable_by: FloatArray) -> FloatArray:
@@ -318,6 +322,7 @@ def tilts(o: Overlaps) -> tuple[FloatArray, FloatArray]:
     tilt[:, :, D:] = -(g.transpose(0, 2, 1)[..., None] * n[:, None, None]).reshape(P, d, D)
     L = vb.transpose(0, 2, 1) @ g
     h = (L.transpose(0, 2, 1) @ n[:, :, None])[:, :, 0]
+    # dh = sum dg_j (n . b'_j) + L^T dn with dg_j = -sum g_k (g_j . db_k) - n (g_j . dn)
     swing[:, :, D:] = -(g.transpose(0, 2, 1)[..., None] * h[:, None, None]).reshape(P, d, D)
     swing += (L.transpose(0, 2, 1) - n[:, :, None] * h[:, None]) @ tilt
     return tilt, swing
@@ -419,7 +424,7 @@ def _integrand(
 
     A traction F = p n + drag gives s F on the first facet, -(eta F + delta (g . F) n) on the
     second. Heat: share and 1 - share of the friction power, and conduction from the first to the
-    second.
+    second; drop: temperature of the first surface minus that of the second, K.
     """
     n, g = o.pairs.planes.n[q.of], o.pairs.planes.g[q.of]
     F = q.p[..., None] * n[:, None] + q.drag()

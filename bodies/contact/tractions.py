@@ -153,7 +153,7 @@ def nodal(o: Overlaps, pieces: Pieces, face: Interface, T: FloatArray | None) ->
     T (P, 2 d): temperatures at the corners of the overlaps' facets, K, for conduction; None
     without. W: area of each quadrature point, m2; a traction F = p n + drag acts on the first
     body's corners with weights s, on the second's as -(eta F + delta (g . F) n), delta the
-    penetration.
+    penetration; drop: temperature of the first surface minus that of the second, K.
     """
     q = ContactSamples.at(o, pieces.overlap, pieces.samples(face.points), face)
     W = weights_of(o, pieces, face)

@@ -490,7 +490,7 @@ def _chunks(
     """Positions in `cells`, space, quadrature and element matrices, in scikit-fem's order of nodes,
     of some cells of one kind at a time, to limit memory. order: degree of the integrand with linear
     triangles; a body of revolution has the factor x in its weights, one degree more, and the forms
-    of its hoop strain."""
+    of its hoop strain, with degree 2: their integrand phi_i phi_j / x is no polynomial."""
     hooped = form in (stiffness, expansion) and mesh.revolved
     made = form if not hooped else hoop_stiffness if form is stiffness else hoop_expansion
     order = 2 if hooped else order + mesh.revolved

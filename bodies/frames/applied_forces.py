@@ -46,6 +46,7 @@ class SpaceForce(Item):
         """Adds minus the force f sum w, and minus its generalized force f . d (A z) / dq, z = sum w
         (X + u), with derivatives: loads are subtracted on the left-hand side. q: attitude
         coordinates, entries m.at of the rows. Functionals from j on: sum w u (3,); o, k: not used.
+        total = sum w, self.arm = sum w X; f: force per unit weight at the time m.t, space axes.
         """
         f = self.amplitude(m.t) * self.force
         arm = self.arm + m.s[j : j + 3] if m.elastic else self.arm
@@ -142,8 +143,8 @@ class Moment(Item):
 
     def evaluate(self, m: Motion, j: int, o: int, k: int, out: Sums) -> None:
         """Subtracts the moment, in body axes A^T M if it is given in space axes, with its
-        derivatives by the attitude. Functionals from j on: mean rotation (3,) of the set; o, k: not
-        used.
+        derivatives by the attitude. With `turns` it acts on the mean rotation (3,) of a set, the
+        functionals from j on, which the rows do not depend on (tau = 0); o, k: not used.
 
         sigma (`push`): factors of the functionals s in the elastic rows; sigma_y: d sigma / dy,
         tau: d rows / ds; torque, in body axes on the left-hand side, and torque_y: d torque / dy.
@@ -174,6 +175,8 @@ class Reaction(Item):
     displacements alone. Functionals from number j on: mean displacement and, with `turns`, mean
     rotation, d each. The sign is that of multipliers, which stand on the left-hand side: sigma, the
     factors of the functionals in the elastic rows, are plus the table's values in body axes.
+    others: coordinates of another body that it reads; pushes: `push` gives its loads on
+    displacements under prescribed motion.
     """
 
     forces_at: Table

@@ -76,7 +76,8 @@ class Spin:
 
     Methods as in `Free`, with n = 1: of_body = d (A b) / dq, of_space = d (A^T f) / dq, bend = d^2
     (f . A b) / dq^2, turning = (w, alpha) in body axes, rates = these with their derivatives by q,
-    lever = generalized force per torque in body axes, of_lever = d (lever torque) / dq.
+    lever = generalized force per torque in body axes, of_lever = d (lever torque) / dq. Z (3, 1):
+    the z axis.
     """
 
     __slots__ = ("A",)

@@ -138,7 +138,9 @@ class Facing(SpatialItem):
         """Adds the constraints g_k = (A d_k) . (A_o e_k) with their forces lambda_k d g_k/dq and
         second derivatives, row by row: own attitude, other attitude, mean rotation theta of the own
         set. j, o, k: numbers of the functionals of theta, of the other body's first coordinate (3
-        of position, then attitude) and of the first multiplier in m.y.
+        of position, then attitude) and of the first multiplier in m.y. own, faces(t): d_k and e_k,
+        (l, 3) in the axes of their bodies, e_k turned by a prescribed angle; turned: theta of the
+        shape from which displacements are measured; place: pose of another body at rest.
         """
         far = attitude((m.y[o : o + self.others] if self.others else self.place)[3:])
         deforms = self.turns and m.elastic

@@ -52,7 +52,8 @@ def write_frame(
 ) -> None:
     """Adds a body, its frame and the inertia of its rigid coordinates and displacements.
 
-    mass: None for a massless frame; field: inertia of its displacements, if it has any;
+    mass: None for a massless frame; field: inertia of its displacements, if it has any, whose
+    columns first (n, d) and about (n, g) are the functionals of the inertia item;
     elastic_integrals, heat_integrals, stress_stiffness, stiffened: as in `BodyRecord`. A frame at
     rest without displacements needs no inertia. A body in space that turns freely has the
     constraint |p| = 1 of its quaternion, with the factor C = 1 of its multiplier.

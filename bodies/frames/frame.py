@@ -218,7 +218,9 @@ class PlanarFrame(ItemFrame[PlanarItem]):
 
         y, v, a (b,): rigid coordinates (x, y, angle) and multipliers, their rates and second
         derivatives; c1, c2: dv = c1 dy, da = c2 dy; s (3, p): functionals of u, u', u'', two of
-        which are one complex number; forms (3 g,): u.M_g u, u.M_g u', u.M_g u''.
+        which are one complex number; forms (3 g,): u.M_g u, u.M_g u', u.M_g u''. work.fresh: also
+        write the derivatives. A function adds to `total`, the sums for the rows of the rigid
+        coordinates, and writes its own entries of `out`, those from j, o and k on.
         """
         out = work.views
         if not isinstance(out, Views):  # first use of these arrays

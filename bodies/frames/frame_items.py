@@ -141,8 +141,9 @@ class RigidItem(Item):
 @dataclass(frozen=True, slots=True, eq=False)
 class Compliance(RigidItem):
     """Compliance of a constraint, g = compliance * multiplier, m/N or rad/(N m): minus compliance
-    times the multiplier, in the row k of the multiplier, to which other items add g. H: derivative
-    of the rows by y = (rigid coordinates, multipliers)."""
+    times the multiplier, in the row k of its own copy of the multiplier. The model sums the rows of
+    all items of a multiplier, of which other ones have g (`FrameRecord.C`). H: derivative of the
+    rows by y = (rigid coordinates, multipliers)."""
 
     compliance: float
     others = 0
@@ -163,8 +164,8 @@ class Compliance(RigidItem):
 class Nothing(SpatialItem):
     """Item with zero contribution instead of another one with the same numbers of functionals
     (directions), coordinates of another body and multipliers (forces), so that other items keep
-    their places; inert: instead of the inertia; matrices: as many as that has. sigma, sigma_y and
-    tau are overwritten by items and not cleared before."""
+    their places, as for an item without a time derivative; inert: instead of the inertia; matrices:
+    as many as that has. sigma, sigma_y and tau are overwritten by items and not cleared before."""
 
     directions: int = 0
     others: int = 0

@@ -143,7 +143,8 @@ class Inertia(Item):
     ) -> None:
         """Adds the factors of the functionals m e_i (`first`) and M_g X (`second`) in the elastic
         rows (`push`), and derivatives: sigma_y of these factors by y, tau of rows and torque_s of
-        the torque in body axes by the functionals, for u' = c1 u, u'' = c2 u."""
+        the torque in body axes by the functionals, for u' = c1 u, u'' = c2 u. by_shape, by_rate (3,
+        g): torque per unit of z.M_g z and of z.M_g u', k.axial: of z.M_g u''."""
         c1, c2, k = m.c1, m.c2, self.moments
         first, second = slice(j, j + FIRST), slice(j + FIRST, j + FIRST + k.count)
         self.push(m, j, out)

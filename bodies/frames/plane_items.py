@@ -110,7 +110,8 @@ def body_force(
 
     Pair j of functionals: the load itself, sum u . f (real part), and sum u x f (imaginary part).
     g: factor of the load at time t; o, k: not used. Loads are subtracted on the left-hand side:
-    sigma, factors of the pairs in the elastic rows, is -g, and tau gives d torque = -g Im ds.
+    sigma, factors of the pairs in the elastic rows, is -g, and tau, where d row = Re(conj(tau) ds),
+    gives d torque = -g Im ds. The real part of total[TORQUE] is the torque.
     """
     f = m.e * complex(numbers[0], numbers[1]) * g
     arm = numbers[2] + (m.s[j].imag if m.elastic else 0.0)

@@ -78,11 +78,12 @@ def pull(kind: int, b: Vector, f: Vector) -> Vector:
 def add_pull(
     m: SpaceMotion, g: float, f: Vector, z: Vector, kind: int, b: Vector, j: int, out: SpaceSums
 ) -> None:
-    """Adds the derivatives of g f . A z by the attitude and by the displacements of z, which was b
-    (`kind`), to rows and sigma, and second derivatives to H, sigma_y = d sigma / dy and tau =
-    d rows / ds, which are equal, as those of one function. f: in space axes; g: a factor; j: first
-    functional, the displacement or rotation of b; m.D[k]: derivative of A by attitude coordinate k,
-    of n; kind 0: z does not deform; c2 = 0: without derivatives."""
+    """Adds the derivatives of g f . A z by the attitude and by the functionals s of the
+    displacements to rows and sigma, and second derivatives to H, sigma_y = d sigma / dy and tau = d
+    rows / ds, which are equal, as those of one function. kind: z = b + s for a point (1), b + s x b
+    for a direction (2), which a mean rotation s turns, b if it does not deform (0), with the number
+    j of the first s; `pull`: derivative of f . z by s. f: in space axes; g: a factor; m.D[k]:
+    derivative of A by attitude coordinate k, of n; c2 = 0: without derivatives."""
     for k in range(m.n):
         out.rows[3 + k] += g * dot(f, times(m.D[k], z))
     if m.elastic and kind > 0:

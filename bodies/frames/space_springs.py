@@ -122,7 +122,8 @@ def counted_angle(
         p, f = quaternion(m.y, 3, m.n), (1.0, 0.0, 0.0, 0.0)
         if others > 0:
             f = quaternion(m.y, o + 3, others)
-        # r_0 and (0, axis) r_0 begin at numbers 13 and 17
+        # r_0 and (0, axis) r_0 begin at numbers 13 and 17; overlap: p . (f r), the cosine and sine
+        # of half the angle
         near = 2.0 * atan2(overlap(p, f, numbers, 17), overlap(p, f, numbers, 13))
         near += 4.0 * pi * floor((relaxed - near) / (4.0 * pi) + 0.5)
     return raw + 2.0 * pi * floor((near - raw) / (2.0 * pi) + 0.5)

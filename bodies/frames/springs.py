@@ -237,7 +237,8 @@ class Angle(Coordinate):
         -p have the same A, but p is continuous in time: the relative quaternion r = f* p of p and f
         of the other body is that of the start, turned by phi: r = (cos(phi / 2), n sin(phi / 2))
         r_0, which determines phi but for 4 pi: it is the angle nearest to `near` (T,), since a
-        spring is not deflected by more than 2 pi.
+        spring is not deflected by more than 2 pi. _at_start: the quaternions r_0 and (0, n) r_0, on
+        which r has the components cos and sin of phi / 2.
         """
         if own.shape[1] == 1 and (other.shape[1] == 1 or not self.others):
             about_z = float(rot.cross(self.first, self.second)[2])  # 1 or -1, the axis' direction
@@ -379,6 +380,8 @@ class RelativeItem(SpringItem):
                 *c.point.tolist(), *base.tolist(), stiffness, damping, attitudes), drive),)
         if not isinstance(c, Angle) or self.law[0] != LINEAR:
             return None
+        # pair: quaternions r_0 and (0, n) r_0 (`Angle.nearly`); angle: difference of the attitudes
+        # at the start, for two frames that turn about z alone, where these are angles
         pair, angle = c._at_start(), float(c.start[-1])
         if self.others:
             angle -= float(c.place[-1])

@@ -181,7 +181,8 @@ class Conditions:
         """Constraints C (l, n) @ (A own_k . A_o other_k) = 0 for n pairs of directions, fixed in
         the own and the other side, in space axes at the start; turn, axis: those of the other side
         are rotated about `axis` by turn(t), rad. axes: rotation of a side at the start, so that d @
-        axes is d in its axes; far.reads: name of the other body, if its coordinates are unknowns.
+        axes is d in its axes; far.reads: name of the other body, if its coordinates are unknowns;
+        _of_both: adds the constraints, of which the own side's frame evaluates those of both.
 
         InputError where sides that rotate about z alone cannot satisfy them.
         """
@@ -205,7 +206,8 @@ class Conditions:
     def slide(self, lines: Sequence[FloatArray]) -> None:
         """Zero distance of the two points along directions `lines` (space axes at the start) fixed
         in the other body; the ground's point is the initial position of the body's point. base: the
-        other point in its body's axes. InputError for points that are apart along them."""
+        other point in its body's axes; _of_both: adds the constraints, of which the own side's
+        frame evaluates those of both. InputError for points that are apart along them."""
         side, far = self.own, self.other
         assert side.body is not None
         place = side.place() if far.body is None else far.place()

@@ -302,6 +302,7 @@ class Relative(ForceElement):
 
     def _law(self, item: object, first: bool) -> ItemForce:
         assert isinstance(item, RelativeItem)
+        # the law's force acts against the motion of the first side; recorded is that on this side
         return ItemForce(item, -1.0)
 
 

@@ -55,7 +55,8 @@ class FrictionPart(ForceElementPart):
                              "depends on (of a rigid stage none are passed on): give a `force` "
                              "instead of a coefficient, or name another joint",
                              f"{equations.origin.key}.joint")
-        # its first multipliers: forces across the axis, or all components of the force
+        # its first multipliers: forces across the axis of a joint along which a side slides
+        # (CYLINDRICAL: numbers of multipliers of a cylindrical one), or all components of the force
         count = d - 1 if self.slides or size in CYLINDRICAL else d
         if size < count:
             raise InputError(f"joint {self.joint!r} has {size} multipliers, and none are the "

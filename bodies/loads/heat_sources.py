@@ -23,7 +23,7 @@ from sparsemor.core import Effect, Equations, FloatArray, Gather, InputError, Lo
 class HeatFlux(LoadPlugin):
     """Heat flux: prescribed q into the body over the boundary facets of each set."""
 
-    acts_on: ClassVar[Effect] = "temperature"
+    acts_on: ClassVar[Effect] = "temperature"  # a rigid-body pre-simulation leaves it out
 
     on: Annotated[list[str], Field(min_length=1)]
     """Surfaces `body:set`."""
@@ -45,7 +45,7 @@ class HeatSource(LoadPlugin):
     """Heat source: heat produced in the volume of bodies or of their sets of cells, such as that of
     a current or a reaction: nodal heats, integral of q phi_i."""
 
-    acts_on: ClassVar[Effect] = "temperature"
+    acts_on: ClassVar[Effect] = "temperature"  # a rigid-body pre-simulation leaves it out
 
     on: Annotated[list[str], Field(min_length=1)]
     """Bodies, or sets of cells `body:set`."""

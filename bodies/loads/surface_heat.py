@@ -69,7 +69,8 @@ def grey_body(
 class Radiation(LoadPlugin):
     """Radiation: heat loss q = eps sigma (T^4 - T_inf^4) from the boundary facets (T in K)."""
 
-    acts_on: ClassVar[Effect] = "temperature"
+    acts_on: ClassVar[Effect] = "temperature"  # a rigid-body pre-simulation leaves it out
+    # options whose function of time is no amplitude, which would be 0 without the load
     levels: ClassVar[tuple[str, ...]] = ("surroundings",)
 
     on: Annotated[list[str], Field(min_length=1)]
@@ -139,7 +140,8 @@ def film(
 class Convection(LoadPlugin):
     """Convection: heat flux q = h (T_fluid - T) over the boundary facets of each set."""
 
-    acts_on: ClassVar[Effect] = "temperature"
+    acts_on: ClassVar[Effect] = "temperature"  # a rigid-body pre-simulation leaves it out
+    # options whose function of time is no amplitude, which would be 0 without the load
     levels: ClassVar[tuple[str, ...]] = ("temperature",)
 
     on: Annotated[list[str], Field(min_length=1)]

@@ -123,7 +123,7 @@ def read_text(path: Path, name: str) -> FileMatrix:
     Abaqus writes `<job>_MASS<step>.mtx` and `<job>_STIF<step>.mtx`: with FORMAT=MATRIX INPUT
     (default) or LABELS an entry has row node, its direction, column node, its direction and value;
     with FORMAT=COORDINATE row, column and value, rows in the order of node numbers (Abaqus Analysis
-    User's Guide, Generating matrices).
+    User's Guide, Generating matrices). A file has one matrix: `name` is not used.
     """
     text = path.read_text("latin-1")
     if text[:14].lower() == "%%matrixmarket":

@@ -44,7 +44,7 @@ def check_mechanical(key: str, written: str, A: Csr, u: Unknowns, free: bool) ->
         return
     loose = np.flatnonzero(A.diagonal() == 0.0)
     if loose.size:
-        nodes = np.unique(u.node[loose]) + 1
+        nodes = np.unique(u.node[loose]) + 1  # from 1; 0 for modes, whose node is -1
         raise InputError(f"'{written}' is zero in the rows of {loose.size} unknowns: nothing "
                          f"holds {'modes' if nodes[0] == 0 else f'nodes {some(nodes)}'} (in the "
                          "order of the file)")

@@ -285,6 +285,7 @@ def oriented(points: FloatArray, cells: IntArray) -> IntArray:
     if facets.shape[1] == 4:  # of three corners the last is repeated
         three = facets[:, 2] == facets[:, 3]
         a, b, c = facets[three, :3].T
+        # the same sign by comparisons, as the repeated corner would be a neighbour of the least
         ahead[three] = (a < b) ^ (b < c) ^ (a < c)
     total = np.bincount(number, weights=np.where(ahead, 1.0, -1.0))
     folded = np.unique(owner[np.abs(total[number]) > 1])

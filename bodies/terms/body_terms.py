@@ -34,7 +34,9 @@ def write_elasticity(body: HasFields, equations: Equations, e: Elasticity) -> No
 
     e.free: numbers of the free displacements; e.coupling (d N, N) = K_fT; e.modal: damping L
     diag(c) L^T; e.laws: stress beyond constant properties. Matrices add to the left-hand side,
-    vectors to the right. Prescribed temperatures: sums of shape * f(t) at some nodes.
+    vectors to the right. Prescribed temperatures: sums of shape * f(t) at some nodes, whose vectors
+    have the kind "prescribed", as they are no loads. e.prestressed, which a body with temperature
+    unknowns is never: adds the geometric stiffness of its constant thermal stress.
     """
     F, Kt = e.free, e.coupling[e.free]
     block, thermal = f"{body.name}.elastic", f"{body.name}.thermal"
@@ -66,7 +68,8 @@ def write_conduction(body: HasFields, equations: Equations, h: Heat) -> None:
     """Adds conduction and capacity of the free temperatures: C T' + K T, the pointwise laws of
     properties that depend on temperature, and as loads the effect of prescribed temperatures, sums
     of shape * f(t) at some nodes: -K shape f and -C shape f' on the right-hand side. A law that
-    reads rates stores heat, and is lumped (evaluated at the nodes) where the capacity is."""
+    reads rates stores heat, and is lumped (evaluated at the nodes) where the capacity is.
+    "prescribed": kind of a vector that is no load."""
     block, free = f"{body.name}.thermal", h.free
     if not len(free):
         return
@@ -86,7 +89,7 @@ def write_film(
 ) -> None:
     """Adds a nodal heat vector (N,), W, times an amplitude to the right-hand side, and a convection
     matrix `film` (N, N), W/K, times the temperatures to the left: of prescribed ones, shape * f(t)
-    at some nodes, as a load."""
+    at some nodes, as a vector on the right-hand side (of the kind "prescribed", no load)."""
     block, free = f"{body}.thermal", heat.free
     if not len(free):
         return
@@ -130,6 +133,7 @@ def write_law(
     numbers, all if None; a term for each kind of them, times the thickness of the body. at_nodes:
     quadrature at the nodes of the cells, as for a lumped capacity matrix."""
     assert body.mesh is not None
+    # a variable or test function with an axis is a derivative along it
     steep = any(v.axis is not None for v in (*law.reads, *law.tests))
     # a capacity with a peak at a point of negative weight would take heat away
     stores = any(v.rate for v in law.reads)

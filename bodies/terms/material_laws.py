@@ -208,6 +208,8 @@ class StoredHeat(PointwiseLaw):
         past = self.c.integral(T_0)
         change, gain = self.c.integral(T) - past, 1.0
         if self.earlier == 2 and self.peak and step.begins:
+            # (H - H_0)/h - c_0 T' with the whole content H = c_0 T + e: conserved, as T' is not
+            # that of e here
             c_0 = self.c.reference
             return Response([self.rho / h * (change + c_0 * (T - T_0 - h * rate))],
                             {(0, 0): self.rho / h * (c + c_0), (0, 1): -self.rho * c_0})

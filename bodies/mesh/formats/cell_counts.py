@@ -38,7 +38,8 @@ def difference(kind: str, data: bytes, read: dict[str, int]) -> str:
 
     read: `triangle` or `triangle in 'copper'` -> number of cells; plain: the same by the lines,
     None where these do not tell; kind: of the file. Sets that the count does not know are not
-    compared.
+    compared. _MORE: types that a card of Nastran does not tell apart, counted as one; COUNTED:
+    types that the count knows.
     """
     try:
         plain = _COUNTS[kind](data) if kind in _COUNTS else None

@@ -44,7 +44,7 @@ class Disk(MeshPlugin):
     @model_validator(mode="after")
     def _possible(self) -> "Disk":
         """Checks that hub and probes fit into the triangulated circle."""
-        interior_points(self.triangles, self.rim)
+        interior_points(self.triangles, self.rim)  # for its InputError
         if self.hub >= self.radius:
             raise InputError(f"{self.hub:g} m: the hub must be smaller than the radius, "
                              f"{self.radius:g} m", "hub")
