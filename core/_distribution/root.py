@@ -12,9 +12,6 @@ if TYPE_CHECKING:
     from sparsemor.core.results.run_result import open_result as open_result
     from sparsemor.core.scene.scene import Scene as Scene
     from sparsemor.core.scene.scene import load as load
-    from sparsemor.core.simulation.reduced_model import ReducedModel as ReducedModel
-    from sparsemor.core.simulation.reduced_model import load_model as load_model
-    from sparsemor.core.simulation.reduced_model import reduce as reduce
     from sparsemor.core.simulation.simulate import simulate as simulate
     from sparsemor.core.status import SolveFailed as SolveFailed
     from sparsemor.core.status import Status as Status
@@ -25,6 +22,9 @@ if TYPE_CHECKING:
     from sparsemor.plugins.charts.animation import animate as animate
     from sparsemor.plugins.comparison.compare import compare as compare
     from sparsemor.plugins.export import export as export
+    from sparsemor.plugins.kept_models.reduced_model import ReducedModel as ReducedModel
+    from sparsemor.plugins.kept_models.reduced_model import load_model as load_model
+    from sparsemor.plugins.kept_models.reduced_model import reduce as reduce
     from sparsemor.plugins.liang2026.reproduce import reproduce as reproduce
     from sparsemor.plugins.study import study as study
     from sparsemor.plugins.study.parameter_test import parameter_test as parameter_test
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "Advice": "plugins.advice.advice",
     "InputError": "core.errors",
-    "ReducedModel": "core.simulation.reduced_model",
+    "ReducedModel": "plugins.kept_models.reduced_model",
     "Registry": "core.registry.registry",
     "Scene": "core.scene.scene",
     "SolveFailed": "core.status",
@@ -44,11 +44,11 @@ _HOMES = {
     "compare": "plugins.comparison.compare",
     "export": "plugins.export",
     "load": "core.scene.scene",
-    "load_model": "core.simulation.reduced_model",
+    "load_model": "plugins.kept_models.reduced_model",
     "open_result": "core.results.run_result",
     "parameter_test": "plugins.study.parameter_test",
     "plot": "plugins.charts",
-    "reduce": "core.simulation.reduced_model",
+    "reduce": "plugins.kept_models.reduced_model",
     "reproduce": "plugins.liang2026.reproduce",
     "simulate": "core.simulation.simulate",
     "solve": "plugins.analyses.solve",

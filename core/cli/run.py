@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -23,14 +23,11 @@ from sparsemor.core.cli.options_and_exit_codes import (
     progress,
     warn,
 )
+from sparsemor.core.cli.prepared_models import PreparedModel, format_of
 from sparsemor.core.errors import InputError
 from sparsemor.core.notes import folded
 from sparsemor.core.results.error_norms import LIMIT
-from sparsemor.core.results.model_file.first_line import is_model_file
 from sparsemor.core.scene.overrides import parse_settings
-
-if TYPE_CHECKING:
-    from sparsemor.core.simulation.reduced_model import ReducedModel
 
 Out = Annotated[Path | None, out_option("runs/SCENE-REDUCER")]
 
@@ -70,14 +67,13 @@ def run(
         inform(folded({"": summary.get("information", ())}, owners))
 
 
-def _kept(scene: str, resume: bool) -> "ReducedModel | None":
+def _kept(scene: str, resume: bool) -> PreparedModel | None:
     """The reduced model in a file; None for a scene. Raises LocatedError."""
-    if not is_model_file(Path(scene)):
+    files = format_of(scene)
+    if files is None:
         return None
-    from sparsemor.core.simulation.reduced_model import load_model
-
     with located_in():
-        model = load_model(scene)
+        model = files.load_model(scene)
         if resume:
             raise InputError("a run of a kept model is not resumed: run it again", "resume")
     return model

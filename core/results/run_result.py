@@ -77,7 +77,7 @@ class RunResult(Drawn):
 
     @classmethod
     def of(cls, arrays: ResultArrays) -> "RunResult":
-        """Result in memory, that of a kept model (simulation/reduced_model.py)."""
+        """Result in memory, that of a kept model (plugins/kept_models/reduced_model.py)."""
         made = cls.__new__(cls)
         made._path, made._stored, made._arrays, made._recoveries = None, arrays, {}, {}
         made._folder = None

@@ -99,8 +99,8 @@ def _kept(
     options: dict[str, Any],
 ) -> "Solution":
     """Solution of an analysis of a kept model from its file."""
-    from sparsemor.core.simulation.reduced_model import load_model
     from sparsemor.plugins.analyses.solve import solve_kept
+    from sparsemor.plugins.kept_models.reduced_model import load_model
 
     if settings:
         raise InputError("a kept model is solved as it is", "set")

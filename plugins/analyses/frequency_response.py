@@ -33,7 +33,7 @@ from sparsemor.plugins.analyses.modes import ComplexArray
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from sparsemor.core.simulation.reduced_model import ReducedModel
+    from sparsemor.plugins.kept_models.reduced_model import ReducedModel
 
 SMALL = 1e-4
 """Largest change, relative to large motions, with which outputs are differentiated."""

@@ -43,7 +43,7 @@ from sparsemor.plugins.analyses.stored_solution import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from sparsemor.core.simulation.reduced_model import ReducedModel
+    from sparsemor.plugins.kept_models.reduced_model import ReducedModel
 
 SHAPE = 0.05
 """Largest motion of a stored mode relative to the size of its body."""

@@ -29,7 +29,8 @@ from sparsemor.core.registry.option_types import type_in_words
 from sparsemor.core.registry.registry import PluginName, Registry, suggestions
 from sparsemor.core.scene.source import Source
 
-NO_CLASS = ("charts", "choice", "command", "error_norm", "paper", "scene", "study")
+NO_CLASS = ("charts", "choice", "command", "error_norm", "paper", "prepared_model", "scene",
+            "study")
 """Plugin kinds whose entry points refer to objects, functions and files."""
 
 

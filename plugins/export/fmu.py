@@ -23,10 +23,10 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.results.atomic_files import replace_file
 from sparsemor.core.results.probes import ProbeReader
-from sparsemor.core.simulation.co_simulation import ModelStepper
-from sparsemor.core.simulation.reduced_model import ReducedModel
 from sparsemor.core.simulation.sensors_and_outputs import StepperOutput
 from sparsemor.plugins.export.export_plan import make_folder
+from sparsemor.plugins.kept_models.co_simulation import ModelStepper
+from sparsemor.plugins.kept_models.reduced_model import ReducedModel
 
 PLATFORMS = {("linux", True): "linux64", ("win32", True): "win64", ("darwin", True): "darwin64"}
 """Folders of FMI 2.0 for binaries, by system and 64 bits."""

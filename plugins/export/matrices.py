@@ -13,9 +13,9 @@ from scipy.linalg import block_diag
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.results.atomic_files import replace_file
-from sparsemor.core.simulation.reduced_model import ReducedModel
 from sparsemor.core.simulation.sensors_and_outputs import read
 from sparsemor.plugins.export.export_plan import make_folder
+from sparsemor.plugins.kept_models.reduced_model import ReducedModel
 
 LINEAR = 1e-9
 """Largest relative error of outputs and inputs that count as linear."""

@@ -39,12 +39,12 @@ from sparsemor.core.scene.source import Source
 from sparsemor.core.scene.yaml_reader import Document
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.offline_cache import mesh_content
-from sparsemor.core.simulation.reduced_model import ReducedModel, reduce
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.simulation.stages_before_steps import explicit, prepared
 from sparsemor.core.simulation.training import TRAINING
 from sparsemor.core.simulation.validation import checked_model
 from sparsemor.core.status import SolveFailed, Status
+from sparsemor.plugins.kept_models.reduced_model import ReducedModel, reduce
 from sparsemor.plugins.study.quantities import QuantityOfInterest
 from sparsemor.plugins.study.table_columns import RESULT, measured
 

@@ -18,8 +18,8 @@ from sparsemor.core.scene.default_plugins import FULL_ORDER
 from sparsemor.core.scene.html import html_text
 from sparsemor.core.scene.parameters_and_training_points import uniform, values_at
 from sparsemor.core.scene.scene import Scene
-from sparsemor.core.simulation.reduced_model import ReducedModel, reduce
 from sparsemor.core.status import SolveFailed
+from sparsemor.plugins.kept_models.reduced_model import ReducedModel, reduce
 from sparsemor.plugins.study.jobs import cached_reference
 
 Row = dict[str, Any]

@@ -23,7 +23,7 @@ from sparsemor.core.scene.run_identity import (
 from sparsemor.core.scene.scene import Scene, build, load
 from sparsemor.core.scene.source import Source, packaged
 from sparsemor.core.scene.yaml_reader import KeyPath, LocatedError
-from sparsemor.core.simulation.changeable_options import kept_options
+from sparsemor.plugins.kept_models.changeable_options import kept_options
 from sparsemor.plugins.study.axes import (
     Point,
     axis_columns,

@@ -17,8 +17,8 @@ import pytest
 from small_scenes import everything
 from sparsemor import InputError, ReducedModel, Scene, load, load_model, reduce, simulate
 from sparsemor.core.scene.option_tree import functions_of_time
-from sparsemor.core.simulation.co_simulation import ModelStepper
 from sparsemor.plugins.export.fmu import ExportedModel, export_c, export_fmu
+from sparsemor.plugins.kept_models.co_simulation import ModelStepper
 
 GALERKIN = {"use": "galerkin", "basis": {"use": "pod", "count": 5}}
 EXAMPLES = Path(__file__).parents[2] / "docs/examples"

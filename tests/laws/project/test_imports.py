@@ -30,7 +30,7 @@ FORMS = "sparsemor.bodies.fem.element_matrices"
 BUILD = ROOT / "core" / "_distribution"
 COMMANDS = [ROOT / "plugins" / name for name in (
     "advice", "analyses", "charts", "commands", "comparison", "error_estimate", "export",
-    "liang2026", "stability", "study")]
+    "kept_models", "liang2026", "stability", "study")]
 """Folders of commands, which import of core what its own commands do: runs, studies, charts."""
 
 

@@ -12,7 +12,7 @@ import pytest
 from small_scenes import tiny
 from sparsemor import InputError, ReducedModel, SolveFailed, load, load_model, reduce
 from sparsemor.core.scene.option_tree import functions_of_time
-from sparsemor.core.simulation.co_simulation import ModelStepper
+from sparsemor.plugins.kept_models.co_simulation import ModelStepper
 from sparsemor.reducers.step.compiled import compiled_stepper as compiled
 from sparsemor.reducers.step.compiled.compile import linked
 from sparsemor.reducers.step.compiled.compiled_steps import CompiledSteps

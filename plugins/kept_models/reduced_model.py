@@ -43,15 +43,7 @@ from sparsemor.core.scene.source import Source
 from sparsemor.core.scene.yaml_reader import LocatedError
 from sparsemor.core.simulation.blow_up import Extents
 from sparsemor.core.simulation.cache import Cache
-from sparsemor.core.simulation.changeable_options import FREE, load_functions
-from sparsemor.core.simulation.changed_start import (
-    Initial,
-    block_faults,
-    start_notes,
-    started_from,
-)
 from sparsemor.core.simulation.checks import KIND, Checks, Findings
-from sparsemor.core.simulation.co_simulation import Input, ModelStepper
 from sparsemor.core.simulation.offline import step_count
 from sparsemor.core.simulation.prepared_run import PreparedRun
 from sparsemor.core.simulation.progress import progress_bar
@@ -59,10 +51,18 @@ from sparsemor.core.simulation.recorder import Recorder, StepStatistics, kept
 from sparsemor.core.simulation.run_steps import RunSteps
 from sparsemor.core.simulation.stages_before_steps import explicit, prepared_again, prepared_run
 from sparsemor.core.simulation.step_control import step_of
-from sparsemor.core.simulation.stored_classes import CLASSES
 from sparsemor.core.simulation.time_stepping import full_state, in_blocks, many_steps, started
 from sparsemor.core.simulation.validation import ESTIMATE, endless, time_faults
 from sparsemor.core.status import SolveFailed
+from sparsemor.plugins.kept_models.changeable_options import FREE, load_functions
+from sparsemor.plugins.kept_models.changed_start import (
+    Initial,
+    block_faults,
+    start_notes,
+    started_from,
+)
+from sparsemor.plugins.kept_models.co_simulation import Input, ModelStepper
+from sparsemor.plugins.kept_models.stored_classes import CLASSES
 
 Again = Callable[[Scene, int | None], PreparedRun]
 """Preparation of a scene with other values of parameters on the same trial bases, or on so many of

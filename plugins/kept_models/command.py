@@ -38,8 +38,8 @@ def reduce(
     file = out or Path(f"{loaded.name}-{loaded.reducer_name}.model")
     with located_in(loaded), progress(quiet or as_json) as observers:
         check_new_file(file, force)
-        from sparsemor.core.simulation.reduced_model import load_model
-        from sparsemor.core.simulation.reduced_model import reduce as prepare
+        from sparsemor.plugins.kept_models.reduced_model import load_model
+        from sparsemor.plugins.kept_models.reduced_model import reduce as prepare
 
         begun = time.perf_counter()
         # what a file holds is without the mesh, which estimates need
