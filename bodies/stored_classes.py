@@ -25,10 +25,12 @@ from sparsemor.bodies.temperature_curve import TemperatureCurve
 from sparsemor.bodies.temperature_file import Samples
 from sparsemor.bodies.terms import dense_term, material_laws, nonlinear_strains, polynomial_term
 from sparsemor.bodies.terms.point_term import PointTerm
+from sparsemor.core.protocols.step_amplitude import Stepping
 
 CLASSES: Sequence[object] = (
     Drive, Exchange, Film, FrictionPower, GreyBody, Inertia, ItemForce, Law, PointTerm,
-    ReducedCavity, ReducedFrictionHeat, Samples, Squared, TemperatureCurve, Variable, nothing, unit,
+    ReducedCavity, ReducedFrictionHeat, Samples, Squared, Stepping, TemperatureCurve, Variable,
+    nothing, unit,
     applied_forces.BodyForce, applied_forces.Moment, applied_forces.Reaction,
     applied_forces.SpaceForce, constraints.Facing, constraints.Shifted, constraints.Slide,
     constraints.Transmission, constraints.Turned, constraints.UnitLength, dense_term.DenseTerm,

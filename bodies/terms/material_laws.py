@@ -53,7 +53,6 @@ STEEP = 2.0
 """Ratio of greatest to least specific heat above which a step may jump over a peak."""
 _INTERVALS = 500
 """Number of intervals of which the mean specific heats are compared."""
-_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,17 +72,8 @@ class Departure:
 
     def integral(self, T: FloatArray) -> FloatArray:
         """Integral of p - p(T_ref) up to T, K, from a constant lower limit, which cancels where
-        heat contents are subtracted: that of the property itself, or by Gauss points within its
-        limits and constant beyond them."""
-        whole: Callable[[FloatArray], FloatArray] | None = getattr(self.of, "integral", None)
-        if whole is not None:
-            return whole(T) - self.reference * T
-        low, high = self.of.limits
-        inside = np.clip(T, low, high)
-        half = 0.5 * (inside - low)
-        points = low + half[..., None] * (1.0 + _POINTS)
-        within, beyond = half * (self.of.at(points)[0] @ _WEIGHTS), T - inside
-        return np.asarray(within + self.of.at(inside)[0] * beyond - self.reference * T)
+        heat contents are subtracted."""
+        return self.of.integral(T) - self.reference * T
 
     def steep(self) -> bool:
         """True if means over small intervals differ by more than a factor `STEEP`."""
@@ -162,10 +152,11 @@ class StoredHeat(PointwiseLaw):
 
         e' = (e - e_0)/h  (BDF1),      e' = (3 e - 4 e_0 + e_1)/(2 h)  (BDF2)
 
-    earlier: number of earlier temperatures in the integrator's formula. For 0, another formula, and
-    where no step is being solved, as at the start of a run, e' = (c(T) - c_0) T'. In the first step
-    e_1 is e_0 less h times that, since T_1 was none of its temperatures. step: size of
-    compiled steps, s; others have that of the present step.
+    stepping: the steps of a run, which replace it (`Stepping.over`); its `differences`: number of
+    earlier temperatures in the integrator's formula. For 0, another formula, and where no step is
+    being solved, as at the start of a run, e' = (c(T) - c_0) T'. In the first step e_1 is e_0 less
+    h times that, since T_1 was none of its temperatures. Its h: size of compiled steps, s; others
+    have that of the present step.
 
     Where BDF2 begins anew in the middle of a run (`time.control`), T_1 is none of its temperatures
     either, and T' says little about the heat content near a peak. For a capacity with `peak`, the
@@ -175,8 +166,7 @@ class StoredHeat(PointwiseLaw):
 
     rho: float
     c: Departure
-    earlier: int = 0
-    step: float = 0.0
+    stepping: Stepping = Stepping(0.0, 0.0)
     peak: bool = False
     reads: ClassVar[Sequence[Variable]] = (TEMPERATURE, TEMPERATURE_RATE, TEMPERATURE_BEND)
     tests: ClassVar[Sequence[Variable]] = (TEMPERATURE,)
@@ -185,35 +175,31 @@ class StoredHeat(PointwiseLaw):
     def degree(self) -> int:
         return self.c.of.degree + 2
 
-    def over_steps(self, stepping: Stepping) -> StoredHeat:
-        """The law by the formula of an integrator."""
-        return replace(self, earlier=stepping.differences, step=stepping.h)
-
     def __call__(self, z: Sequence[FloatArray], x: FloatArray, t: float) -> Response:
         """Heat stored per volume and time, W/m3, and its derivatives by T and T', for constant T_0
         and T_1, the temperatures of earlier steps, one and two steps of h before.
 
-        self.c: c(T) - c_0, with its integral e; earlier: how many of these temperatures the
-        integrator's formula has, 1 (BDF1) or 2 (BDF2; in the first step T_1 was none, and e_0 - e_1
-        = (c(T_0) - c_0) (T_0 - T_1)); step: the present one, which `begins` where BDF2 starts anew;
-        peak: c has one, as of latent heat.
+        self.c: c(T) - c_0, with its integral e; stepping.differences: how many of these
+        temperatures the integrator's formula has, 1 (BDF1) or 2 (BDF2; in the first step T_1 was
+        none, and e_0 - e_1 = (c(T_0) - c_0) (T_0 - T_1)); step: the present one, which `begins`
+        where BDF2 starts anew; peak: c has one, as of latent heat.
         """
         T, rate, bend = z  # second difference 2 (T_0 - T + h T')/h^2
         c, slope = self.c.at(T)
         stored, step = self.rho * c, present_step()
-        h = step.h
-        if not self.earlier or not h:  # another formula, or no step: e' = (c - c_0) T'
+        h, earlier = step.h, self.stepping.differences
+        if not earlier or not h:  # another formula, or no step: e' = (c - c_0) T'
             return Response([stored * rate], {(0, 0): self.rho * slope * rate, (0, 1): stored})
         T_0 = T - h * rate + 0.5 * h * h * bend  # one step before, T_1 two
         past = self.c.integral(T_0)
         change, gain = self.c.integral(T) - past, 1.0
-        if self.earlier == 2 and self.peak and step.begins:
+        if earlier == 2 and self.peak and step.begins:
             # (H - H_0)/h - c_0 T' with the whole content H = c_0 T + e: conserved, as T' is not
             # that of e here
             c_0 = self.c.reference
             return Response([self.rho / h * (change + c_0 * (T - T_0 - h * rate))],
                             {(0, 0): self.rho / h * (c + c_0), (0, 1): -self.rho * c_0})
-        if self.earlier == 2:
+        if earlier == 2:
             T_1 = 2.0 * T_0 - T + h * h * bend
             first = FirstStep(h)(t)
             gone = self.c.at(T_0)[0] * (T_0 - T_1) if first else past - self.c.integral(T_1)
@@ -222,9 +208,11 @@ class StoredHeat(PointwiseLaw):
 
     def arrays(self) -> LawArrays | None:
         made = _arrays(stored_heat, [(0, 0), (0, 1)], [
-            self.rho, self.c.reference, float(self.earlier), self.step], self.c.of)
+            self.rho, self.c.reference, float(self.stepping.differences), self.stepping.h],
+            self.c.of)
         return None if made is None else replace(
-            made, amplitudes=(FirstStep(self.step),), calls=(curve_at, integral_at), step=self.step,
+            made, amplitudes=(FirstStep(self.stepping.h),), calls=(curve_at, integral_at),
+            step=self.stepping.h,
             numbers=np.concatenate([made.numbers[:4], with_integrals(made.numbers[4:])]))
 
 

@@ -47,6 +47,8 @@ class Part(ABC):
         """Warnings on valid but suspicious options."""
         return ()
 
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(12)
+
 
 class TemperatureProperty(ABC):
     """A material property as a function of temperature.
@@ -66,6 +68,17 @@ class TemperatureProperty(ABC):
     @abstractmethod
     def at(self, T: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Values and derivatives by temperature, of the shape of the temperatures T, K."""
+
+    def integral(self, T: FloatArray) -> FloatArray:
+        """Integral over temperature from a constant lower limit to T, K, of the shape of T: of a
+        specific heat the heat content, J/kg. By default of 12 Gauss points within the limits, and
+        beyond them with the constant value there."""
+        low, high = self.limits
+        inside = np.clip(T, low, high)
+        half = 0.5 * (inside - low)
+        points = low + half[..., None] * (1.0 + _POINTS)
+        within = half * (self.at(points)[0] @ _WEIGHTS)
+        return np.asarray(within + self.at(inside)[0] * (T - inside))
 
     @property
     def numbers(self) -> FloatArray | None:

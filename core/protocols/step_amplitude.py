@@ -117,21 +117,20 @@ class Stepping:
 
     def over(self, amplitude: T) -> T | Amplitude:
         """Amplitude of a load over these steps: of the values of a function of time, and of those
-        inside of an object such as a law or an item of a frame; anything else as it is."""
+        inside of an object such as a law or an item of a frame, whose fields of the class
+        `Stepping` become these steps; anything else as it is."""
         if isinstance(amplitude, MethodType):  # amplitudes are the methods `value` of functions
             f, name = amplitude.__self__, amplitude.__name__
             return StepAmplitude(f, self.h, self.theta) if (
                 name == "value" and isinstance(f, TimeFunction)) else amplitude
-        over_steps = getattr(amplitude, "over_steps", None)
-        if over_steps is not None and not isinstance(amplitude, type):
-            by_law: T = over_steps(self)
-            return by_law
         if isinstance(amplitude, StepAmplitude | type) or not is_dataclass(amplitude):
             return amplitude
         data: Any = amplitude
         values = {f.name: getattr(data, f.name) for f in fields(data) if f.init}
-        over = {name: self.over(value) for name, value in values.items()
-                if isinstance(value, MethodType) or (callable(value) and is_dataclass(value))}
+        over = {name: self if isinstance(value, Stepping) else self.over(value)
+                for name, value in values.items()
+                if isinstance(value, MethodType | Stepping)
+                or (callable(value) and is_dataclass(value))}
         changed = {name: value for name, value in over.items() if value is not values[name]}
         changed_data: T = replace(data, **changed) if changed else amplitude
         return changed_data

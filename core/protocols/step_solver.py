@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Generic, Protocol, Self, runtime_checkable
+from typing import Any, Generic, Protocol, Self
 
 import numpy as np
 from typing_extensions import TypeVar
@@ -243,7 +243,6 @@ class StepBlock:
         return State(self.t[i], z[0], z[1], z[2], z[3:].T)
 
 
-@runtime_checkable
 class ManySteps(Protocol[M_contra]):
     """Solution of several successive steps of one size in one call."""
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-MAGIC = b"sparsemor reduced model 5\n"
+MAGIC = b"sparsemor reduced model 6\n"
 """Name and version of the format."""
 
 
