@@ -133,16 +133,6 @@ def test_tilt_and_pressure(stage: Stage) -> None:
 
 
 @pytest.mark.full
-def test_slider_moves_with_the_drive(stage: Stage) -> None:
-    """The drive's point, the middle of the top, goes 1 m/s; the plate stays."""
-    X, Y, turn = stage.frames["slider"].pose.T
-    top = X + SIDE / 2 * np.cos(turn) - SIDE * np.sin(turn)
-    np.testing.assert_allclose(top - SIDE / 2, V * stage.times, atol=1e-12)
-    assert stage.moves == {"slider"}
-    assert np.all(stage.frames["plate"].pose == 0.0)
-
-
-@pytest.mark.full
 def test_hottest_point(heated: RunResult) -> None:
     """6.13 at the leading edge; the paper has 6.138, the literature about 6.10."""
     assert hottest(heated, "slider", 3.75e-3) == pytest.approx(6.13, abs=0.02)

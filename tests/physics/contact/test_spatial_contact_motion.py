@@ -12,11 +12,10 @@ from sparsemor.bodies.frames import rotation as rot
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.model import Model
-from sparsemor.core.protocols.contributions import Equations, Origin, Records
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.simulate import simulate
-from sparsemor.core.status import SolveFailed, Status
+from sparsemor.core.status import SolveFailed
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
 
 RHO, G = 1000.0, 9.81
@@ -63,38 +62,6 @@ def history(found: March, body: str = "block", contact: str = "sole") -> Mapping
 
 
 @pytest.mark.full
-def test_a_pressed_block_sinks_to_pressure_over_stiffness_and_gains_nothing_when_released() -> None:
-    pressure, K = 1e5, 1e9
-    push = {"use": "pressure", "on": ["block:top"], "pressure": {
-        "use": "table", "times": [0.0, 2e-3, 6e-3, 6.001e-3],
-        "values": [0.0, pressure, pressure, 0.0]}}
-    found = run({}, {"stiffness": K, "damping": 2e5, "damping_depth": 1e-6}, end=1e-2, step=2e-4,
-                loads={"push": push})
-    held = found.t <= 6e-3 + 1e-9
-    assert found.x[held][-1, 2] == pytest.approx(-pressure / K, rel=1e-5)
-    told = history(found)
-    assert told["normal"][held][-1] == pytest.approx(pressure * AREA, rel=1e-5)
-    assert told["normal"][-1] == 0.0
-    stored = 0.5 * pressure**2 / K * AREA
-    assert 0.0 < 0.5 * MASS * found.v[-1, 2] ** 2 < stored
-    assert np.abs(found.x[:, 4:7]).max() < 1e-11  # it does not turn
-
-
-@pytest.mark.full
-def test_a_dropped_block_keeps_its_energy_to_the_order_of_the_integrator() -> None:
-    K, lost = 1e7, []
-    pose = {"position": [0.0, 0.0, 0.001], "velocity": [0.0, 0.0, -0.5]}
-    for step in (2e-4, 1e-4):
-        found = run(pose, {"stiffness": K}, end=0.016, step=step, integrator="bdf2")
-        z, v = found.x[:, 2], found.v[:, 2]
-        E = 0.5 * MASS * v**2 + MASS * G * z + 0.5 * K * AREA * np.minimum(z, 0.0) ** 2
-        assert z.min() < -5e-4 and z[-1] > 1e-3
-        assert E.max() <= E[0] * (1 + 1e-12)
-        lost.append(1.0 - E[-1] / E[0])
-    assert lost[1] < 2e-3 and lost[0] / lost[1] > 4.0
-
-
-@pytest.mark.full
 def test_a_box_that_falls_on_its_corner_tumbles_without_gaining_energy() -> None:
     """Between two touches nothing but Euler's own damping is lost."""
     pose = {"position": [0.0, 0.0, 0.075], "axis": [1, 2, 0.3], "angle": 0.7,
@@ -119,49 +86,7 @@ def test_a_box_that_falls_on_its_corner_tumbles_without_gaining_energy() -> None
     assert energy[-1] < 0.95 * E[0]
 
 
-SLOPE, AXIS = 0.3, np.array([0.2, 1.0, 0.0])
-"""The plate is turned about an axis that is none of its own."""
-
-
-def incline(friction: Mapping[str, float], end: float) -> FloatArray:
-    """Speed down the line of steepest descent over time, (M,) m/s."""
-    K = 1e7
-    q = rot.about(AXIS.tolist(), SLOPE)
-    normal = rot.rotation(q)[:, 2]
-    down = -G * np.array([0.0, 0.0, 1.0]) + G * normal[2] * normal
-    start = -RHO * G * SIZE[2] * normal[2] / K * normal
-    found = run({"position": start.tolist(), "quaternion": q.tolist()},
-                {"stiffness": K, "damping": 1e5, "damping_depth": 1e-5}, end=end, step=1e-3,
-                plate={"quaternion": q.tolist()}, friction=friction)
-    return np.asarray(found.v[:, :3] @ (down / np.linalg.norm(down)))
-
-
 @pytest.mark.full
-def test_a_block_slides_down_a_slope_steeper_than_the_friction_angle() -> None:
-    speed = incline({"coefficient": 0.2, "critical_velocity": 1e-3}, 0.1)
-    want = G * (np.sin(SLOPE) - 0.2 * np.cos(SLOPE))
-    assert (speed[-1] - speed[-11]) / 1e-2 == pytest.approx(want, rel=1e-5)
-
-
-@pytest.mark.full
-def test_a_block_creeps_below_the_critical_velocity_on_a_gentler_slope() -> None:
-    critical = 1e-3
-    speed = incline({"coefficient": 0.5, "critical_velocity": critical}, 0.1)
-    q = np.roots([-0.5, 0.0, 1.5, -np.tan(SLOPE) / 0.5])
-    creep = critical * float(q[(q > 0) & (q < 1)][0])
-    assert speed[-1] == pytest.approx(creep, rel=1e-4)
-    assert abs(speed[-1] - speed[-10]) < 1e-5 * critical
-
-
-def test_a_step_too_long_for_the_contact_is_said_so() -> None:
-    with pytest.raises(SolveFailed) as failure:
-        run({"position": [0.0, 0.0, 0.05], "velocity": [0.0, 0.0, -200.0]}, {"stiffness": 1e6},
-            end=0.01, step=1e-3)
-    told = str(failure.value)
-    assert failure.value.status is Status.NOT_CONVERGED
-    assert "contact sole: a point of block went" in told and "too long for this contact" in told
-
-
 def test_a_point_that_flies_through_the_surface_in_one_step_is_noticed() -> None:
     with pytest.raises(SolveFailed, match="contact sole: a point of block went"):
         run({"position": [0.0, 0.0, 0.3], "velocity": [0.0, 0.0, -500.0]}, {"stiffness": 1.0},
@@ -248,27 +173,7 @@ def warm(frame: str) -> Model:
         "integrator": "bdf1", "time": {"end": 1.0, "step": 1.0}}))
 
 
-def test_conduction_along_a_known_motion_is_that_of_the_same_place() -> None:
-    """The term with told frames against the term whose frames are unknowns, at one place."""
-    moving, told = warm("floating"), warm("fixed")
-    pose = np.array([0.06, 0.02, -1e-6, *rot.about([0, 0, 1], 0.4)])
-    part = told.parts["sole"]
-    assert isinstance(part, ContactPart)
-    still = np.stack([pose, pose])
-    motion = {"block": FrameHistory(np.array([0.0, 2.0]), still, np.ones((2, 7)), 0 * still)}
-    records = Records()
-    part.conduction(Equations(told.layout, Origin("contacts", "sole"), records), motion)
-    (term,) = (r.term for r in records.local)
-    (free,) = moving.by_part["sole"]
-    T = 100.0 * np.random.default_rng(0).random(len(term.columns))
-    zero, v = np.zeros(len(T)), np.zeros(len(free.columns))
-    r = term.residual(T, zero, zero, 1.0)
-    want = free.residual(np.concatenate([pose, T]), v, 0 * v, 0.0)[7:]
-    assert np.abs(want).max() > 1.0
-    assert r == pytest.approx(want, abs=1e-12 * np.abs(want).max())
-    assert abs(r.sum()) < 1e-12 * np.abs(r).sum()
-
-
+@pytest.mark.full
 def test_layers_in_a_row_carry_the_heat_of_their_resistances() -> None:
     side, conductance, k = 0.05, 2e3, 45.0
 

@@ -175,6 +175,7 @@ def test_facets_left_out_cannot_touch(plate: str) -> None:
     assert whole.near(x).some is whole.term  # nothing can be searched there
 
 
+@pytest.mark.full
 def test_a_step_through_the_surface_is_told_by_the_list_as_by_all_facets() -> None:
     whole, x, _ = compressed(assemble(scene(24, 1, block=FREE, plate=TILTED)), 3)
     near, reach = whole.near(x), whole.term.term.reach

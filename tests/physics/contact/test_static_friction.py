@@ -67,11 +67,8 @@ def travelled(run: March, slope: float = 0.0) -> FloatArray:
     return np.asarray((at - at[0]) @ [cos(slope), sin(slope)])
 
 
-ANY = [pytest.param(2, "bdf1"), *(pytest.param(d, i, marks=pytest.mark.full) for d, i in (
-    (2, "bdf2"), (2, "generalized_alpha"), (3, "bdf1"), (3, "generalized_alpha")))]
-
-
-@pytest.mark.parametrize(("d", "integrator"), ANY)
+@pytest.mark.full
+@pytest.mark.parametrize(("d", "integrator"), [(2, "bdf1"), (2, "bdf2"), (3, "bdf1")])
 def test_a_block_stays_on_a_slope_below_the_angle_of_friction(d: int, integrator: str) -> None:
     """After it has come to rest, displaced by its share of the elastic displacement, it stays to
     round-off; under a regularised law it creeps."""
@@ -89,7 +86,8 @@ def test_a_block_stays_on_a_slope_below_the_angle_of_friction(d: int, integrator
         assert creeps[-1] - creeps[len(s) // 2] < -10.0 * GIVE
 
 
-@pytest.mark.parametrize(("d", "integrator"), ANY)
+@pytest.mark.full
+@pytest.mark.parametrize(("d", "integrator"), [(2, "bdf1"), (3, "generalized_alpha")])
 def test_above_that_angle_it_slides(d: int, integrator: str) -> None:
     slope = atan(1.1 * MU)
     run = march(on_a_plate(STICK, 0.05, 1e-3, d=d, slope=slope, integrator=integrator))
@@ -154,13 +152,12 @@ def test_stick_slip_of_a_block_that_a_spring_pulls(d: int) -> None:
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("d", [2, 3])
-def test_the_energy_of_a_sliding_block_is_heat_when_it_has_stopped(d: int) -> None:
+def test_the_energy_of_a_sliding_block_is_heat_when_it_has_stopped() -> None:
     """Two thermal bodies hold the work of friction on its way, less what the bristles keep, mu m g
     GIVE / 2, and m v^2 / 2 up to an error of the step, v h / 2 of the way; a block that stands
     makes no heat."""
     v, step = 0.1, 5e-4
-    scene = on_a_plate(STICK, 0.06, step, d=d, velocity=v, fields=("thermal",), integrator="bdf2",
+    scene = on_a_plate(STICK, 0.06, step, velocity=v, fields=("thermal",), integrator="bdf2",
                        heat={"share": 0.3})
     run = march(scene)
     held = np.array([sum(float(b.capacity.sum(axis=0) @ (x - run.x[0])[run.model.layout[b.thermal]])

@@ -46,15 +46,12 @@ def errors(run: RunResult, reference: RunResult) -> dict[str, float]:
     ({"use": "galerkin", "basis": POD}, 1e-8),
     ({"use": "deim", "basis": POD}, 1e-8),
     ({"use": "gnat", "basis": POD}, 1e-7),
-    ({"use": "lspg", "basis": POD}, 1e-7),
     ({"use": "ecsw", "constant": "weighted", "basis": POD}, 1e-4),
     (SPARSE, 1e-7),
     (SPARSE | {"sampler": "random", "resample": 10}, 1e-6),
-    (SPARSE | {"preconditioner": "row_scaling"}, 1e-7),
     (SPARSE | {"budgets": {"*": {"rows": 18, "atoms": 15}}}, 1e-4),
     (SPARSE | {"budgets": {"*": {"rows": 18, "atoms": 15}}, "selection": "joint"}, 1e-4),
-], ids=["newton", "galerkin", "deim", "gnat", "lspg", "ecsw", "sparse", "resampled", "weighed",
-        "selecting", "joint"])
+], ids=["newton", "galerkin", "deim", "gnat", "ecsw", "sparse", "resampled", "selecting", "joint"])
 def test_each_reducer_repeats_the_full_run_under_moving_loads(full, cache, reducer, allowed):
     run = simulate(load(SLIDER, {"reducer": reducer}), cache=cache)
     assert run.summary["cache"]["rigid_stage"] == "hit"
@@ -129,8 +126,7 @@ def test_both_stages_have_their_own_error_controlled_steps(cache):
 
 
 @pytest.mark.parametrize(("slider", "plate"), [
-    (["thermal"], ["elastic", "thermal"]), (["elastic"], ["elastic", "thermal"]),
-    (["elastic", "thermal"], ["elastic"]), ([], ["elastic", "thermal"])])
+    (["elastic"], ["elastic", "thermal"]), ([], ["elastic", "thermal"])])
 def test_each_field_alone_takes_its_part_of_the_contact(full, cache, slider, plate):
     changes: dict[str, Any] = {
         "bodies.slider.fields": slider, "bodies.plate.fields": plate, "reducer": "full"}

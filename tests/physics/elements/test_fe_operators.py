@@ -158,18 +158,6 @@ def test_surface_integrals_agree_with_closed_forms(d: int) -> None:
         integrals.surface_mass(mesh, facets, 7.0).toarray(), matrix, atol=1e-13)
 
 
-@pytest.mark.parametrize("d", [2, 3])
-def test_facets_add_up(d: int) -> None:
-    mesh = skewed(d)
-    facets = outer_facets(mesh)
-    one_by_one = sum(integrals.surface_mass(mesh, facet[None], 7.0).toarray() for facet in facets)
-    np.testing.assert_allclose(
-        integrals.surface_mass(mesh, facets, 7.0).toarray(), one_by_one, atol=1e-13)
-    assert integrals.surface_load(mesh, facets).sum() == pytest.approx(
-        integrals.facet_measures(mesh, facets).sum(), rel=1e-12
-    )
-
-
 def test_facets_need_a_piece_of_the_surface() -> None:
     mesh = Rectangle(size=(1.0, 1.0), divisions=(3, 3)).build(Path())
     top = integrals.boundary_facets(mesh, mesh.point_sets["top"])
@@ -177,15 +165,6 @@ def test_facets_need_a_piece_of_the_surface() -> None:
     np.testing.assert_allclose(facet_normals(mesh, top), [[0.0, 1 / 3]] * 3, atol=1e-15)
     with pytest.raises(InputError, match="covers a piece of the surface"):
         integrals.boundary_facets(mesh, mesh.point_sets["top_left"])
-
-
-@pytest.mark.parametrize("d,model", CASES)
-def test_a_mesh_of_some_cells_keeps_all_unknowns(d: int, model: Model) -> None:
-    mesh = skewed(d)
-    parts = [replace(mesh, cells=mesh.cells[k::2]) for k in (0, 1)]
-    whole = elasticity.elastic_stiffness(mesh, ALLOY, 1.0, model)
-    halves = sum(elasticity.elastic_stiffness(part, ALLOY, 1.0, model) for part in parts)
-    np.testing.assert_allclose(halves.toarray(), whole.toarray(), atol=1e-4)
 
 
 def test_model_must_suit_the_dimension() -> None:

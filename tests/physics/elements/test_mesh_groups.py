@@ -88,22 +88,21 @@ def sides(file: Path, shape: Bar, names: tuple[str, str]) -> Mesh:
 
 
 @pytest.mark.parametrize(("name", "group", "d"), [
-    ("a.msh", "HOT", 2), ("a.msh", "HOT", 3), ("a.inp", "FACE", 2), ("a.inp", "FACE", 3),
+    ("a.msh", "HOT", 2), ("a.inp", "FACE", 2), ("a.msh", "HOT", 3), ("a.inp", "FACE", 3),
     ("a.bdf", "pid_3", 3)])
-@pytest.mark.parametrize("order", [1, 2])
 def test_facets_of_two_sides_without_those_between(
-    name: str, group: str, d: int, order: int, tmp_path: Path
+    name: str, group: str, d: int, tmp_path: Path
 ) -> None:
     """One element over the height: all points are in the group, the ends are not. Their facets
     had a share of 9 % of the heat: a rise of 29.814 K instead of 27.104 K."""
     mesh = sides(tmp_path / name, bar(d), ("HOT", "COLD"))
-    mesh = with_midpoints(mesh) if order == 2 else mesh
-    facets = boundary_facets(mesh, mesh.point_sets[group], group)
-    assert facet_measures(mesh, facets).sum() == pytest.approx(0.4 if d == 2 else 0.4 * 0.02)
-    inside = mesh.point_sets[group]
-    middle = np.isclose(mesh.points[:, 1], 0.01)  # of edges between the two sides
-    assert middle.any() is np.True_ if order == 2 else not middle.any()
-    assert not middle[inside].any()
+    for order in (1, 2):
+        mesh = with_midpoints(mesh) if order == 2 else mesh
+        facets = boundary_facets(mesh, mesh.point_sets[group], group)
+        assert facet_measures(mesh, facets).sum() == pytest.approx(0.4 if d == 2 else 0.4 * 0.02)
+        middle = np.isclose(mesh.points[:, 1], 0.01)  # of edges between the two sides
+        assert bool(middle.any()) is (order == 2)
+        assert not middle[mesh.point_sets[group]].any()
 
 
 def test_facets_of_tagged_cells_are_theirs(tmp_path: Path) -> None:
@@ -160,7 +159,6 @@ SOLID = {"use": "block", "size": [1.0, 0.2, 0.1], "divisions": [10, 2, 1]}
     (PLANE, {"box": [[0.2, 0.5], [0.099, 0.101]]}, 0.9375),
     (PLANE, {"where": "x > 0.2 and x < 0.5001 and y > 0.0999"}, 0.9375),
     (PLANE, {"box": [[0.25, 0.5], [0.099, 0.101]]}, 1.0),
-    (PLANE, {"where": "x < 0.01"}, 1.0),
     (PLANE, {"where": "x < 1e-9 or y > 0.0999"}, 1.0),
     (SOLID, {"box": [[0.0, 0.35], [0.0, 0.2], [0.1, 0.1]]}, 0.3 / 0.35),
     (SOLID, {"where": "z > 0.0999"}, 1.0),

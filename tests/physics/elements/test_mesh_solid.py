@@ -78,18 +78,10 @@ def test_disk_places(disk: Mesh) -> None:
     assert volumes.min() > 0.5 * volumes.mean()
 
 
-def test_disk_is_the_same_every_time(disk: Mesh) -> None:
-    again = Disk().build(Path("elsewhere"))
-    np.testing.assert_array_equal(again.points, disk.points)
-    np.testing.assert_array_equal(again.cells, disk.cells)
-
-
-@pytest.mark.parametrize("refine,tetrahedra", [
-    (0.5, 1296), pytest.param(2.0, 82_752, marks=pytest.mark.full)])
-def test_refined_disk(refine: float, tetrahedra: int) -> None:
-    mesh = Disk(refine=refine).build(Path())
+def test_refined_disk() -> None:
+    mesh = Disk(refine=0.5).build(Path())
     check_mesh(mesh)
-    assert len(mesh.cells) == tetrahedra
+    assert len(mesh.cells) == 1296
     assert quality(mesh.points, mesh.cells).min() > 0.4
     (at,) = mesh.points[mesh.point_sets["probe_4_90"]]
     np.testing.assert_allclose(at, [0.0, 0.1336, 0.013], atol=1e-16)
@@ -149,7 +141,7 @@ def test_pad_has_the_counts_of_the_published_scene() -> None:
     np.testing.assert_array_equal(np.unique(outer), np.unique(outer_facets(mesh)))
 
 
-@pytest.mark.parametrize("refine", [0.6, 1.5, 3.0])
+@pytest.mark.parametrize("refine", [0.6, 1.5])
 def test_refined_pad(refine: float) -> None:
     plugin = Pad(refine=refine)
     mesh = plugin.build(Path())

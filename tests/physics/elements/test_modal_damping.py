@@ -53,7 +53,7 @@ def decrements(content: dict[str, Any], free: bool, run: Any = None) -> FloatArr
     return np.array(found)
 
 
-@pytest.mark.end_to_end
+@pytest.mark.full
 def test_decrements_of_three_modes_of_a_cantilever() -> None:
     np.testing.assert_allclose(decrements(scene("fixed"), False), RATIOS, rtol=0.01)
 
@@ -69,8 +69,9 @@ def test_decrements_of_a_free_body() -> None:
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("reducer", ["galerkin", "sparse", "deim", "ecsw", "lspg", "gnat"])
-@pytest.mark.parametrize("frame", ["fixed", "floating"])
+@pytest.mark.parametrize("frame, reducer", [
+    ("fixed", "galerkin"), ("fixed", "deim"), ("fixed", "lspg"), ("floating", "sparse"),
+    ("floating", "ecsw"), ("floating", "gnat")])
 def test_every_reducer_has_the_same_damping(frame: str, reducer: str) -> None:
     content = scene(frame, {"use": reducer, "compiled": "off"})
     np.testing.assert_allclose(decrements(content, frame == "floating"), RATIOS, rtol=0.02)

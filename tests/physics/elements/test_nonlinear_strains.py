@@ -35,26 +35,27 @@ from sparsemor.plugins.stability.variants import SurveyPlan
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("share", [0.5, pytest.param(-0.5, marks=pytest.mark.full)])
-def test_axial_force_softens_and_stiffens_a_bar(share: float) -> None:
+@pytest.mark.parametrize("strains, share", [
+    ("nonlinear", 0.5), ("nonlinear", -0.5), ("prestressed", 0.5), ("prestressed", -0.5)])
+def test_axial_force_softens_and_stiffens_a_bar(strains: str, share: float) -> None:
     """Deflection w / (1 - P / P_E); with linear strains it does not change."""
-    run = simulate(column("nonlinear", share * EULER))
+    run = simulate(column(strains, share * EULER))
     assert middle(run) / plain() == pytest.approx(1.0 / (1.0 - share), rel=0.01)
+    assert not run.summary["notes"]
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("fields", [
-    ("elastic",), pytest.param(("elastic", "thermal"), marks=pytest.mark.full)])
-def test_heat_softens_a_bar_between_walls(fields: Any) -> None:
+@pytest.mark.parametrize("strains, fields", [
+    ("nonlinear", ("elastic", "thermal")), ("prestressed", ("elastic",))])
+def test_heat_softens_a_bar_between_walls(strains: str, fields: Any) -> None:
     """Half the thermal Euler load, E A alpha dT = P_E / 2, doubles the deflection."""
     rise = 0.5 * EULER / (E * H * H * ALPHA)
-    run = simulate(column("nonlinear", 0.0, rise, fields))
+    run = simulate(column(strains, 0.0, rise, fields))
     assert middle(run) / plain() == pytest.approx(2.0, rel=0.01)
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("fields", [
-    ("elastic",), pytest.param(("elastic", "thermal"), marks=pytest.mark.full)])
+@pytest.mark.parametrize("fields", [("elastic",), ("elastic", "thermal")])
 def test_a_modulus_that_falls_with_temperature_lowers_the_buckling_load(fields: Any) -> None:
     """At half the modulus a quarter of the Euler load doubles the deflection, which is twice the
     cold one before; also where temperatures are no unknowns."""
@@ -250,23 +251,21 @@ def with_reducer(use: str, **more: Any) -> dict[str, Any]:
 
 
 @pytest.mark.full
-@pytest.mark.parametrize(("share", "space", "use"), [
-    *((0.7, space, use) for space in (False, True)
-      for use in ("galerkin", "ecsw", "deim", "lspg", "gnat", "sparse"))])
-def test_reduced_models_repeat_the_run(share: float, space: bool, use: str) -> None:
+@pytest.mark.parametrize(("space", "use"), [
+    (False, "ecsw"), (False, "lspg"), (False, "sparse"), (True, "galerkin"), (True, "deim"),
+    (True, "gnat")])
+def test_reduced_models_repeat_the_run(space: bool, use: str) -> None:
     """A fifth of the length in ten steps, where each step needs the exact Jacobian. Those that
     minimise residuals in the norm of D^-1 need no more atoms than the others."""
     count = 10 if use in ("lspg", "gnat", "sparse") else 16
-    want = fields(whole(share, space))
-    run = simulate(swing(share, space, **with_reducer(use, basis={"use": "pod", "count": count})))
+    want = fields(whole(0.7, space))
+    run = simulate(swing(0.7, space, **with_reducer(use, basis={"use": "pod", "count": count})))
     off = np.linalg.norm(fields(run) - want) / np.linalg.norm(want)
     assert off < 1e-3, off
-    linear = simulate(swing(share, space).using({"bodies.b.strains": "linear"}))
-    assert np.linalg.norm(fields(linear) - want) > 3.0 * off * np.linalg.norm(want)
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("use", ["galerkin", "ecsw", "deim", "lspg", "gnat", "sparse"])
+@pytest.mark.parametrize("use", ["galerkin", "ecsw", "sparse"])
 def test_ten_atoms_are_right_or_warned(use: str) -> None:
     """Far from what they represent: an error of 1 % of the motion has a note or a status."""
     scene = swing(1.0, False, **with_reducer(use, basis={"use": "pod", "count": 10}))
@@ -313,15 +312,11 @@ def kinds(run: RunResult) -> list[str]:
     return [n.split(";")[0] for n in run.summary["notes"]]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("strains", "share", "want"), [
     ("linear", 0.5, "compressed to 50 % of its buckling load"),
-    pytest.param("linear", 2.0, "compressed to 2 times its buckling load",
-                 marks=pytest.mark.full),
-    pytest.param("linear", -0.3, "stiffened by 30 % at", marks=pytest.mark.full),
-    pytest.param("linear", 0.03, "", marks=pytest.mark.full),
-    pytest.param("nonlinear", 0.5, "", marks=pytest.mark.full),
-    pytest.param("nonlinear", 2.0, "compressed to 2 times its buckling load at",
-                 marks=pytest.mark.full)])
+    ("linear", -0.3, "stiffened by 30 % at"), ("linear", 0.03, ""),
+    ("nonlinear", 2.0, "compressed to 2 times its buckling load at")])
 def test_the_limit_of_linear_strains_is_noted(strains: str, share: float, want: str) -> None:
     """One eigenvalue of the geometric stiffness of a pinned bar: P / P_E."""
     found = kinds(simulate(column(strains, share * EULER)))

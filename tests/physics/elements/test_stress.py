@@ -37,9 +37,9 @@ def loaded(body: dict[str, Any]) -> dict[str, Any]:
     return {"end": {"use": "traction", "on": ["bar:right"], "traction": pull}}
 
 
-@pytest.mark.parametrize("body", [
-    PLANE, {**PLANE, "order": 2}, {**PLANE, "pose": {"angle": 0.7}}, SOLID], ids=[
-    "plane", "quadratic", "turned", "solid"])
+@pytest.mark.full
+@pytest.mark.parametrize("body", [{**PLANE, "order": 2, "pose": {"angle": 0.7}}, SOLID],
+                         ids=["plane", "solid"])
 def test_a_pulled_bar_has_its_stress_away_from_the_clamp(
     tmp_path: Path, body: dict[str, Any]
 ) -> None:
@@ -53,6 +53,7 @@ def test_a_pulled_bar_has_its_stress_away_from_the_clamp(
     assert run.equivalent_strain("bar", -1) == pytest.approx(2 / 3 * PULL / E, rel=1e-6)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("model", ["plane_stress", "plane_strain"])
 def test_a_free_warm_plate_has_strain_and_no_stress_in_plane_stress(
     tmp_path: Path, model: str
@@ -140,13 +141,6 @@ def test_stress_jumps_between_two_materials(tmp_path: Path) -> None:
 
 
 @pytest.mark.full
-def test_regions_of_equal_stiffness_have_one_stress(tmp_path: Path) -> None:
-    same = {**BIMETAL["material"], "rho": 8000.0}  # type: ignore[dict-item]
-    run = bar(tmp_path, {**BIMETAL, "materials": {"up": same}}, integrator="bdf1")
-    assert len(run.stress_mesh("bar")[0]) == len(run.points("bar"))
-
-
-@pytest.mark.full
 def test_pictures_show_both_sides_of_an_interface(tmp_path: Path) -> None:
     """In the plane and in space: each cell is coloured by the stress of its own material."""
     run = bar(tmp_path, BIMETAL, integrator="bdf1")
@@ -172,6 +166,7 @@ def test_pictures_show_both_sides_of_an_interface(tmp_path: Path) -> None:
     animate(block, tmp_path / "a.gif", "stress", frames=2)
 
 
+@pytest.mark.full
 def test_what_has_no_stress_says_so(tmp_path: Path) -> None:
     curve = {"temperatures": [200.0, 400.0], "values": [2e9, 1e9]}
     run = bar(tmp_path, {**PLANE, "material": {**PLANE["material"], "E": curve}})

@@ -71,18 +71,15 @@ def test_shapes_that_span_all_displacements_are_the_mesh(tmp_path: Path) -> None
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("reducer", [
-    {"use": "galerkin", "basis": {"use": "modal", "count": 6}},
-    {"use": "sparse", "basis": {"use": "pod", "count": 4}},
-    {"use": "deim", "basis": {"use": "pod", "count": 4}},
-    {"use": "ecsw", "basis": {"use": "pod", "count": 4}}], ids=str)
 @pytest.mark.parametrize("whole", [True, False])
-def test_reduced_superelements(reducer: dict[str, Any], whole: bool, tmp_path: Path) -> None:
+def test_reduced_superelements(whole: bool, tmp_path: Path) -> None:
     bar = part(tmp_path, 6, whole)
     full = path_of(bar)
-    got = march(scene_of({**REST, "bodies": {"bar": bar}, "reducer": reducer}), model=full.model,
-                snapshots=learnt(full))
-    np.testing.assert_allclose(tip(got), tip(full), rtol=0.0, atol=3e-4)
+    for use in ("galerkin", "sparse") if whole else ("deim", "ecsw"):
+        basis = {"use": "modal", "count": 6} if use == "galerkin" else {"use": "pod", "count": 4}
+        got = march(scene_of({**REST, "bodies": {"bar": bar}, "reducer": {
+            "use": use, "basis": basis}}), model=full.model, snapshots=learnt(full))
+        np.testing.assert_allclose(tip(got), tip(full), rtol=0.0, atol=3e-4, err_msg=use)
 
 
 def test_without_shapes_rigid_inertia_is_exact_and_the_rest_is_noted(tmp_path: Path) -> None:

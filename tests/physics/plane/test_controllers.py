@@ -34,25 +34,19 @@ PD = {"use": "pid", "sensor": "a.rigid.angle", "target": 1.0, "kp": 2.0, "kd": 0
 
 @pytest.mark.full
 def test_a_position_controller_has_the_motion_of_its_closed_loop() -> None:
-    """J phi'' = kp (1 - phi) - kd phi', to first order in the step."""
+    """J phi'' = kp (1 - phi) - kd phi', to first order in the step; the recorded torque is that of
+    the step that ends there, from the state at its start."""
     errors = []
     for step in (0.01, 0.005):
         run = simulate(load(rotor(PD, step)))
         d, t = 0.1 / (2 * J), run.times
         w = np.sqrt(2.0 / J - d * d)
         exact = 1.0 - np.exp(-d * t) * (np.cos(w * t) + d / w * np.sin(w * t))
-        errors.append(np.abs(run.block("a.rigid")[:, 2] - exact).max())
+        phi, torque = run.block("a.rigid")[:, 2], run.joint_forces()["motor"]["torque", "N m"]
+        errors.append(np.abs(phi - exact).max())
+        want = 2.0 * (1.0 - phi) - 0.1 * np.diff(phi, prepend=phi[0]) / step
+        np.testing.assert_allclose(torque[1:], want[:-1], rtol=0.0, atol=1e-9)
     assert errors[1] < 0.06 and 1.7 < errors[0] / errors[1] < 2.7
-
-
-@pytest.mark.full
-def test_the_recorded_torque_is_that_of_each_step() -> None:
-    run = simulate(load(rotor(PD)))
-    phi, torque = run.block("a.rigid")[:, 2], run.joint_forces()["motor"]["torque", "N m"]
-    rate = np.diff(phi, prepend=phi[0]) / 0.01
-    # of the step that ends there, from the state at its start
-    want = 2.0 * (1.0 - phi) - 0.1 * rate
-    np.testing.assert_allclose(torque[1:], want[:-1], rtol=0.0, atol=1e-9)
 
 
 @pytest.mark.full
@@ -70,9 +64,9 @@ def test_limits_and_a_speed_controller_in_a_cascade() -> None:
     speed = {"use": "pid", "sensor": "a.rigid.angle", "target": 1.0, "kp": 5.0}
     torque = {"use": "pid", "sensor": "a.rigid.angle_rate", "target": speed, "kp": 1.0,
               "lower": -0.1, "upper": 0.1}
-    run = simulate(load(rotor(torque, 0.002, 4.0)))
+    run = simulate(load(rotor(torque, 0.004, 4.0)))
     phi, t = run.block("a.rigid")[:, 2], run.times
-    assert phi[100] == pytest.approx(0.5 * 0.1 / J * t[100] ** 2, rel=0.02)
+    assert phi[50] == pytest.approx(0.5 * 0.1 / J * t[50] ** 2, rel=0.02)
     assert phi[-1] == pytest.approx(1.0, abs=1e-3)
 
 
@@ -99,7 +93,7 @@ def test_a_heater_holds_the_temperature_of_a_probe() -> None:
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("loads", ["varying", ["heater"], {"heater": [0.0, 1e5]}])
+@pytest.mark.parametrize("loads", ["varying", {"heater": [0.0, 1e5]}])
 def test_controllers_vary_in_training_by_themselves(loads: Any) -> None:
     run = simulate(load({**HEATED, "reducer": "galerkin", "training": {"loads": loads}}))
     assert not [n for n in run.summary["notes"] if "heater" in n]
@@ -130,7 +124,7 @@ def test_a_resumed_run_has_the_same_digits(tmp_path: Path, reducer: Any) -> None
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("reducer", ["galerkin", "sparse", "deim"])
+@pytest.mark.parametrize("reducer", ["galerkin", "sparse"])
 def test_reduced_and_kept_models_and_steppers(tmp_path: Path, reducer: str) -> None:
     content = {**HEATED, "time": {"end": 100.0, "step": 2.0}}
     full = simulate(load(content)).probe("end")

@@ -92,11 +92,13 @@ def test_energy_of_a_soft_link_is_kept_to_second_order() -> None:
 
 # bdf2 comes to its order only where it resolves the second vibration
 @pytest.mark.full
-@pytest.mark.parametrize("integrator,h", [(None, 1e-3), ("bdf2", 2.5e-4)],
+@pytest.mark.parametrize("integrator,h,end", [(None, 1e-3, 0.25), ("bdf2", 2.5e-4, 0.1)],
                          ids=["generalized_alpha", "bdf2"])
-def test_a_soft_link_is_integrated_to_second_order(integrator: str | None, h: float) -> None:
+def test_a_soft_link_is_integrated_to_second_order(
+    integrator: str | None, h: float, end: float
+) -> None:
     """Gravity begins smoothly: a sudden load excites vibrations that no step resolves."""
-    runs = [pendulum(step, 0.25, 0.8, 7e7, BAR, BAR_SETS, SMOOTH, integrator=integrator)
+    runs = [pendulum(step, end, 0.8, 7e7, BAR, BAR_SETS, SMOOTH, integrator=integrator)
             for step in (h, h / 2, h / 4)]
     layout = runs[0].model.layout
     angles = [layout[f"link{i}.rigid"].start + 2 for i in (1, 2)]

@@ -74,7 +74,7 @@ def test_a_steadily_rising_temperature_lags_as_the_parabola_says() -> None:
     """T = rate (t - (L^2 - (L-x)^2)/(2 a)) + T0 with the right side insulated: the rate of the
     given nodes enters the rows beside them."""
     ramp = {"use": "ramp", "end": 1e5, "initial": 300.0, "final": 300.0 + 1e4}
-    run = slab({}, 8000.0, 40.0, ALPHA, start=300.0, columns=40, joints={
+    run = slab({}, 8000.0, 80.0, ALPHA, start=300.0, columns=40, joints={
         "hot": {"use": "prescribed_temperature", "on": ["slab:left"], "temperature": ramp}})
     x, T = profile(run)
     lag = 0.1 * (0.1**2 - (0.1 - x) ** 2) / (2 * 20 / 5e5)
@@ -87,8 +87,7 @@ def lumped(rate: Any, end: float) -> float:
     return float(found.y[0, -1])
 
 
-@pytest.mark.parametrize("integrator", ["bdf1", "generalized_alpha"])
-def test_a_well_conducting_plate_cools_as_one_lump(integrator: str) -> None:
+def test_a_well_conducting_plate_cools_as_one_lump() -> None:
     """Radiation and a film on one long side; heat capacity rho c H per area."""
     loads = {"glow": {"use": "radiation", "on": ["slab:top"], "emissivity": 0.7,
                       "surroundings": 280.0},
@@ -98,22 +97,12 @@ def test_a_well_conducting_plate_cools_as_one_lump(integrator: str) -> None:
     def rate(t: float, T: float) -> float:
         return -(0.7 * SIGMA * (T**4 - 280.0**4) + 20.0 * (T - 300.0)) / per_area
 
-    steps = 400 if integrator == "bdf1" else 50
-    run = slab(loads, 200.0, 200.0 / steps, integrator, start=900.0, k=1e7, columns=4)
+    run = slab(loads, 200.0, 4.0, "generalized_alpha", start=900.0, k=1e7, columns=4)
     T = profile(run)[1]
     assert np.ptp(T) < 1e-3
     want = lumped(rate, 200.0)
     assert want < 500.0
-    np.testing.assert_allclose(T, want, atol=1.0 if integrator == "bdf1" else 0.2)
-
-
-@pytest.mark.full
-def test_a_plate_between_two_surroundings_tends_to_the_balance_of_radiation() -> None:
-    glow = {"use": "radiation", "emissivity": 1.0}
-    run = slab({"hot": {**glow, "on": ["slab:left"], "surroundings": 800.0},
-                "cold": {**glow, "on": ["slab:right"], "surroundings": 400.0}}, 1e4, 100.0, k=1e7)
-    balance = ((800.0**4 + 400.0**4) / 2) ** 0.25
-    np.testing.assert_allclose(profile(run)[1], balance, rtol=1e-4)
+    np.testing.assert_allclose(T, want, atol=0.2)
 
 
 def smooth(integrator: Any, h: float) -> FloatArray:
@@ -130,9 +119,8 @@ def smooth(integrator: Any, h: float) -> FloatArray:
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("integrator,order", [
-    ("bdf1", 1.0), ("bdf2", 2.0), pytest.param(ALPHA, 2.0, marks=pytest.mark.full)],
-    ids=["bdf1", "bdf2", "alpha"])
+@pytest.mark.parametrize("integrator,order", [("bdf1", 1.0), ("bdf2", 2.0), (ALPHA, 2.0)],
+                         ids=["bdf1", "bdf2", "alpha"])
 def test_orders_in_time(integrator: Any, order: float) -> None:
     one, two, three = (smooth(integrator, h) for h in (0.4, 0.2, 0.1))
     observed = np.log2(np.abs(one - two).max() / np.abs(two - three).max())

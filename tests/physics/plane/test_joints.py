@@ -18,7 +18,7 @@ def test_imposed_motion_is_followed_and_its_force_is_the_inertia_force() -> None
     move = {"use": "sine", "amplitude": 0.05, "frequency": 2.0}
     moving = {**ROD, "pose": {"velocity": [0.05 * 4 * np.pi, 0.0]}}
     got = run({"rod": moving}, {"drive": {
-        "use": "prescribed_motion", "of": "rod:a", "x": move, "y": 0.0, "angle": 0.0}}, 0.5, 1e-3)
+        "use": "prescribed_motion", "of": "rod:a", "x": move, "y": 0.0, "angle": 0.0}}, 0.15, 1e-3)
     w = 4 * np.pi
     x = got.block("rod.rigid")
     np.testing.assert_allclose(x[1:, 0], 0.05 * np.sin(w * got.t[1:]), rtol=0, atol=1e-12)
@@ -36,7 +36,7 @@ def test_imposed_rotation_turns_at_the_given_rate_about_the_driven_point() -> No
     turn = {"use": "ramp", "end": 10.0, "final": 30.0}  # 3 rad/s
     spinning = {**ROD, "pose": {"spin": 3.0}}
     got = run({"rod": spinning}, {"drive": {
-        "use": "prescribed_motion", "of": "rod:a", "x": 0.0, "y": 0.0, "angle": turn}}, 0.2, 1e-3)
+        "use": "prescribed_motion", "of": "rod:a", "x": 0.0, "y": 0.0, "angle": turn}}, 0.05, 1e-3)
     theta = got.block("rod.rigid")[:, 2]
     np.testing.assert_allclose(theta, 3.0 * got.t, rtol=0, atol=1e-12)
     force = got.block("drive.multiplier")
@@ -114,32 +114,10 @@ def test_two_welded_beams_bend_as_one() -> None:
     np.testing.assert_allclose(tip(parts, "two"), bent, rtol=0, atol=0.01 * np.abs(bent).max())
 
 
-@pytest.mark.full
-def test_a_very_stiff_flexible_body_is_the_rigid_body_of_its_numbers() -> None:
-    hinge = {"A": {"use": "revolute", "between": ["ground", "one:left"]}}
-    stiff = run({"one": beam(1.0, 8, modulus=7e13)}, hinge, 0.5, 1e-3, GRAVITY)
-    body: Any = stiff.model.parts["one"]
-    mass, center = body.inertia.mass, complex(*body.inertia.moment) / body.inertia.mass
-    inertia = np.trace(body.inertia.second)
-    rigid = run({"one": {
-        "use": "rigid", "mass": mass, "center": [center.real, center.imag],
-        "inertia": inertia - mass * abs(center) ** 2, "points": {"left": [0, 0]}}},
-        hinge, 0.5, 1e-3, GRAVITY)
-    assert (mass, center) == (pytest.approx(3.0), pytest.approx(0.5))
-    assert inertia == pytest.approx(3.0 * (1.0 / 3.0 + 0.01 / 12.0))
-    angle = rigid.block("one.rigid")[:, 2]
-    assert np.ptp(angle) > 1.0
-    np.testing.assert_allclose(stiff.block("one.rigid")[:, 2], angle, rtol=0, atol=1e-6)
-    late = slice(100, None)  # the load is sudden: its vibrations have died by then
-    force = rigid.block("A.multiplier")[late]
-    np.testing.assert_allclose(stiff.block("A.multiplier")[late], force, rtol=0,
-                               atol=1e-4 * np.abs(force).max())
-
-
 def test_imposed_motion_of_a_flexible_body_moves_the_mean_of_the_set() -> None:
     move = {"use": "sine", "amplitude": 0.01, "frequency": 3.0}
     got = run({"one": beam(0.5, 10)}, {
         "A": {"use": "fixed", "between": ["ground", "one:left"]},
-        "drive": {"use": "prescribed_motion", "of": "one:right", "y": move}}, 0.2, 1e-3)
+        "drive": {"use": "prescribed_motion", "of": "one:right", "y": move}}, 0.05, 1e-3)
     np.testing.assert_allclose(tip(got, "one")[1:, 1], 0.01 * np.sin(6 * np.pi * got.t[1:]),
                                rtol=0, atol=1e-12)

@@ -75,38 +75,6 @@ def rigid(done: March) -> FloatArray:
     return done.x[:, done.solver.layout.frames]
 
 
-@pytest.mark.full
-def test_each_hinge_of_a_hanging_chain_carries_what_hangs_below() -> None:
-    n = 12
-    bodies, joints, _ = links([-np.pi / 2] * n)
-    done = run(bodies, joints, 3, 0.1, "bdf1")
-    for i in range(n):  # on the ground, then on the upper of two links
-        weight = (n - i) * MASS * G * (-1 if i == 0 else 1)
-        np.testing.assert_allclose(
-            done.block(f"pin{i}.multiplier")[-1], [0.0, weight], rtol=0, atol=1e-9)
-
-
-@pytest.mark.full
-def test_a_falling_chain_keeps_its_energy() -> None:
-    """Up to the error of the integrator, which falls with the square of the step."""
-    n, off = 12, []
-    bodies, joints, _ = links([-0.3 - 0.02 * i for i in range(n)])
-    for steps, h in ((20, 4e-3), (40, 2e-3)):
-        done = run(bodies, joints, steps, h, {"use": "generalized_alpha", "rho_inf": 1.0})
-        energies = [_energy(done, i) for i in (0, -1)]
-        off.append(abs(energies[1][0] + energies[1][1] - energies[0][1]) / energies[1][0])
-    assert off[0] < 1e-2 and off[1] < 0.35 * off[0]
-
-
-def _energy(done: March, i: int) -> tuple[float, float]:
-    """Kinetic and potential energy of all rods, J."""
-    q, v = (s[i, done.solver.layout.frames].reshape(-1, 3) for s in (done.x, done.v))
-    arm = LENGTH / 2 * np.exp(1j * q[:, 2])
-    speed = v[:, 0] + 1j * v[:, 1] + 1j * v[:, 2] * arm
-    kinetic = 0.5 * MASS * ((np.abs(speed) ** 2).sum() + LENGTH**2 / 12 * (v[:, 2] ** 2).sum())
-    return float(kinetic), float(MASS * G * (q[:, 1] + arm.imag).sum())
-
-
 @pytest.mark.parametrize("kind", ["arch", "tree"])
 @pytest.mark.full
 def test_loops_and_trees_move_as_with_the_textbook_method(

@@ -12,7 +12,7 @@ from sparsemor.core import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.testing import check_joint
 from sparsemor.core.testing.in_memory_run import scene_of
-from tiers import quick
+from tiers import full
 
 G = 9.81
 PLANE = {"use": "rigid", "mass": 2.0, "inertia": 0.02, "points": {"p": [0.0, 0.0]}}
@@ -49,8 +49,8 @@ def angle(x: FloatArray) -> FloatArray:
 # ---------------------------------------------------------------------- friction
 
 
-@pytest.mark.parametrize("dimension", [
-    pytest.param(2, marks=pytest.mark.end_to_end), pytest.param(3, marks=pytest.mark.full)])
+@pytest.mark.full
+@pytest.mark.parametrize("dimension", [2, 3])
 def test_time_to_rest_of_a_torsional_pendulum(dimension: int) -> None:
     """With the moment M the amplitudes decrease by 2 M / k each half period, until |angle| < M / k:
     1, 0.7, 0.4, 0.1 after 3 half periods."""
@@ -74,7 +74,8 @@ def test_time_to_rest_of_a_torsional_pendulum(dimension: int) -> None:
     assert float(moment[-1]) == pytest.approx(k * q[-1], rel=1e-2)  # it holds the spring
 
 
-@pytest.mark.parametrize("dimension", [2, pytest.param(3, marks=pytest.mark.full)])
+@pytest.mark.full
+@pytest.mark.parametrize("dimension", [2, 3])
 def test_a_wheel_on_a_pin_comes_to_rest(dimension: int) -> None:
     """The weight W presses the pin with the radius r: time w J / (mu r W)."""
     mu, r, w = 0.2, 0.05, 2.0
@@ -90,8 +91,8 @@ def test_a_wheel_on_a_pin_comes_to_rest(dimension: int) -> None:
     assert rest == pytest.approx(w * 0.02 / (mu * r * 2.0 * G), rel=0.01)
 
 
-@pytest.mark.parametrize("integrator", quick(["generalized_alpha", "bdf2"], "bdf2"))
-@pytest.mark.parametrize("reducer", quick(["full", "galerkin"], "galerkin"))
+@pytest.mark.parametrize("integrator, reducer", [
+    ("bdf2", "galerkin"), full("generalized_alpha", "full")])
 def test_friction_of_joint_forces_acts_from_the_start(integrator: str, reducer: str) -> None:
     """A wheel that spins down with mu r W / J: exact with integrators of second order."""
     mu, r, w = 0.2, 0.05, 2.0
@@ -106,8 +107,8 @@ def test_friction_of_joint_forces_acts_from_the_start(integrator: str, reducer: 
     assert q[-1] - q[0] == pytest.approx(w * 0.1 - 0.5 * mu * r * 2.0 * G / 0.02 * 0.1**2, rel=1e-9)
 
 
-@pytest.mark.parametrize("dimension", [2, pytest.param(3, marks=pytest.mark.full)])
-@pytest.mark.parametrize("mu", quick([0.3, 0.7], 0.3))
+@pytest.mark.full
+@pytest.mark.parametrize("dimension, mu", [(2, 0.3), (3, 0.7)])
 def test_a_slider_on_a_slope(dimension: int, mu: float) -> None:
     """On a slope of 30 degrees it slides with g (sin - mu cos), and sticks from mu = tan on."""
     c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
@@ -133,8 +134,8 @@ def restitution(D: float) -> float:
         lambda e: D * (1 + e) - np.log((1 + D) / (1 - e * D)), 0.0, min(1.0, 1 / D) - 1e-12))
 
 
-@pytest.mark.parametrize("dimension", [2, pytest.param(3, marks=pytest.mark.full)])
-@pytest.mark.parametrize("damping", quick([0.0, 0.3], 0.3))
+@pytest.mark.full
+@pytest.mark.parametrize("dimension, damping", [(2, 0.3), (3, 0.0)])
 def test_a_turning_body_leaves_a_stop_with_the_restitution(
     dimension: int, damping: float
 ) -> None:
@@ -164,8 +165,7 @@ def test_impacts_that_the_steps_do_not_resolve_are_noted() -> None:
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("dimension", [2, 3])
-@pytest.mark.parametrize("swapped", [False, True])
+@pytest.mark.parametrize("dimension, swapped", [(2, True), (3, False)])
 def test_a_slider_between_stops(dimension: int, swapped: bool) -> None:
     """It leaves both with its speed, after the half period pi sqrt(m / k) of the contact."""
     e = [0.6, 0.8] if dimension == 2 else [0.6, 0.0, 0.8]
@@ -177,13 +177,13 @@ def test_a_slider_between_stops(dimension: int, swapped: bool) -> None:
         {"b": body},
         {"guide": {"use": "prismatic", "between": ["b:p", "ground"], "axis": e},
          "stop": {"use": "stop", "motion": "slide", "between": between, "axis": e, **limits,
-                  "stiffness": 2e4}}, 0.4, 2e-4)))
+                  "stiffness": 2e4}}, 0.4, 4e-4)))
     way = run.block("b.rigid")[:, : dimension] @ e
     deep = 3.0 * np.sqrt(2.0 / 2e4)
     assert way.max() == pytest.approx(0.3 + deep, rel=1e-3)
     assert way.min() == pytest.approx(-0.2 - deep, rel=1e-3)
     contact = np.pi * np.sqrt(2.0 / 2e4)
-    assert run.times[way > 0.3].size * 2e-4 == pytest.approx(contact, rel=0.02)
+    assert run.times[way > 0.3].size * 4e-4 == pytest.approx(contact, rel=0.02)
 
 
 # ---------------------------------------------------------------------- bushing
@@ -214,8 +214,8 @@ def test_frequencies_of_a_bushing(dimension: int) -> None:
 # ---------------------------------------------------------------------- gears
 
 
-@pytest.mark.parametrize("dimension", [2, pytest.param(3, marks=pytest.mark.full)])
-@pytest.mark.parametrize("internal", quick([False, True], False))
+@pytest.mark.full
+@pytest.mark.parametrize("dimension, internal", [(2, False), (3, True)])
 def test_a_gear_accelerates_by_the_reduced_inertia(dimension: int, internal: bool) -> None:
     """phi_1'' = M / (J + J (z_1 / z_2)^2), through several turns."""
     between = {"use": "revolute", **axis(dimension)}
@@ -235,7 +235,8 @@ def test_a_gear_accelerates_by_the_reduced_inertia(dimension: int, internal: boo
     np.testing.assert_allclose(two, (1 if internal else -1) * 20 / 30 * one, atol=1e-8)
 
 
-@pytest.mark.parametrize("dimension", [2, pytest.param(3, marks=pytest.mark.full)])
+@pytest.mark.full
+@pytest.mark.parametrize("dimension", [2, 3])
 def test_a_rack_moves_with_its_pinion(dimension: int) -> None:
     """x'' = M / r / (m + J / r^2)."""
     e, r = [0.6, 0.8, 0.0][:dimension], 0.1
@@ -304,12 +305,12 @@ def swing(dimension: int, reducer: Any) -> dict[str, Any]:
 def test_stop_and_friction_of_a_flexible_bar_in_reduced_and_kept_models(
     dimension: int, tmp_path: Any
 ) -> None:
-    full = simulate(scene_of(swing(dimension, "full"))).probe("tip")
-    size = float(np.ptp(full[:, 1]))
-    assert full[-1, 1] > full[:, 1].min() + 1e-3  # it came back from the stop
-    for use in ("galerkin", "sparse", "deim", "ecsw"):
+    want = simulate(scene_of(swing(dimension, "full"))).probe("tip")
+    size = float(np.ptp(want[:, 1]))
+    assert want[-1, 1] > want[:, 1].min() + 1e-3  # it came back from the stop
+    for use in ("sparse", "deim") if dimension == 2 else ("galerkin", "ecsw"):
         run = simulate(scene_of(swing(dimension, {"use": use, "compiled": "off"}))).probe("tip")
-        np.testing.assert_allclose(run[:, :2], full[:, :2], atol=5e-3 * size, err_msg=use)
+        np.testing.assert_allclose(run[:, :2], want[:, :2], atol=5e-3 * size, err_msg=use)
     model = reduce(scene_of(swing(dimension, {"use": "galerkin", "compiled": "off"})))
     model.save(tmp_path / "model")
     again = load_model(tmp_path / "model").run().probe("tip")

@@ -42,16 +42,10 @@ def errors(changes: dict[str, Any], whole: bool = False) -> dict[str, float]:
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_rows_of_the_preconditioned_residual_recover_every_field(seed: int) -> None:
-    found = errors({"seed": seed})
+def test_rows_of_the_preconditioned_residual_recover_every_field_and_plain_rows_do_not() -> None:
+    found = errors({"seed": 2})
     assert found["elastic"] < 1e-8 and found["thermal"] < 1e-8
-
-
-@pytest.mark.full
-def test_rows_of_the_residual_recover_displacements_less_well() -> None:
-    found = errors({"reducer.residual": "plain"})
-    assert found["elastic"] > 1e-5
+    assert errors({"reducer.residual": "plain"})["elastic"] > 1e-5
 
 
 @pytest.mark.slow

@@ -137,11 +137,3 @@ def test_a_reduced_run_starts_with_the_accelerations_of_a_driven_hinge() -> None
                                atol=1e-5)
 
 
-def test_a_probe_of_a_rigid_body_is_where_its_rotation_takes_it() -> None:
-    full = simulate(scene_of(hinged(end=0.05)))
-    y = full.block("end.rigid")
-    want = [p[:3] + rot.rotation(p[3:]) @ [0.1, 0.0, 0.0] for p in y]
-    np.testing.assert_allclose(full.probe("load"), want, rtol=0, atol=1e-14)
-    place = full.positions("one", -1)
-    held = full.points("one")[:, 0] < 1e-9
-    np.testing.assert_allclose(place[held].mean(axis=0), [0.0, 0.05, 0.04], atol=1e-10)

@@ -29,36 +29,6 @@ def mesh(deep: bool, lower: list[float], size: list[float], divisions: list[int]
 # --------------------------------------------------------------------------- heat
 
 
-def heated(deep: bool, n: int) -> FloatArray:
-    """(N,) K, means over the width, of a plate with a flux on one side and air on another."""
-    top = "back" if deep else "top"
-    body: dict[str, Any] = {
-        "use": "flexible", "material": MATERIAL, "fields": ["thermal"], "frame": "fixed",
-        "reference_temperature": 300.0,
-        "mesh": mesh(deep, [0.0, 0.0], [3e-3, 2e-3], [3 * n, 2 * n])}
-    if not deep:
-        body["thickness"] = WIDTH
-    run = march(scene_of({
-        "bodies": {"plate": body}, "integrator": {"use": "generalized_alpha", "rho_inf": 0.8},
-        "loads": {
-            "sun": {"use": "heat_flux", "on": ["plate:left"], "flux": 5e6},
-            "air": {"use": "convection", "on": [f"plate:{top}"], "film": 5e4,
-                    "temperature": 280.0}},
-        "time": {"end": 0.05, "step": 1e-3}}))
-    T = run.block("plate.thermal")[-1]
-    return np.asarray(T.reshape(-1, 3).mean(axis=1) if deep else T)
-
-
-@pytest.mark.full
-def test_heat_in_a_solid_plate_is_that_of_the_plane() -> None:
-    """The difference falls with the square of the elements."""
-    flat, deep = ([heated(which, n) for n in (2, 4)] for which in (False, True))
-    gaps = [float(np.sqrt(np.mean((a - b) ** 2))) for a, b in zip(flat, deep, strict=True)]
-    assert np.ptp(flat[1]) > 50.0
-    assert gaps[1] < 2e-3 * np.ptp(flat[1])
-    assert np.log2(gaps[0] / gaps[1]) > 1.5
-
-
 # --------------------------------------------------------------------------- motion
 
 
