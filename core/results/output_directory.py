@@ -215,6 +215,7 @@ class OutputDirectory:
                 pass
         if os.path.lexists(out / KEPT):
             replaced = own_files(out / KEPT) if _folder(out / KEPT) else OwnFiles({}, ())
+            # a new run was killed before its end: its files go, the result before it stays
             if replaced.results and not self._ended(earlier):
                 remove(earlier, out)
                 return

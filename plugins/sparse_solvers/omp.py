@@ -62,7 +62,7 @@ class OrthogonalMatchingPursuit(LinearRecovery):
             r = r - shares[n] * q
             left = sqrt(float(r.dot(r)))
             chosen.append(j)
-            self._close(problem, j, room, W)
+            self._close(problem, j, room, W)  # no more columns of a group whose budget is spent
         return Recovered(_coefficients(A.shape[1], chosen, H, shares))
 
     def _close(self, problem: Penalised, j: int, room: list[int], W: FloatArray) -> None:

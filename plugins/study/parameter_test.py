@@ -115,6 +115,7 @@ def parameter_test(
     scene = made.scene
     if not scene.parameters:
         raise InputError("the scene declares no parameters", "parameters")
+    # bodies are assembled once for all points; each run has a model of its own
     bodies, rows, names = BodyCache(), [], dict[str, None]()
     for done, point in enumerate(uniform(scene.parameters, count, seed)):
         _, full = cached_reference(

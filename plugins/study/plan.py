@@ -255,8 +255,9 @@ class _RunBuilder:
         return {k: v for k, v in changes.items() if split(k)[0] not in NOT_PHYSICS}
 
     def _reference(self, number: int, point: Point) -> tuple[str, dict[str, Any]] | str:
-        """(key, scene as plain data) of a run's reference, or the reason why its scene is
-        invalid."""
+        """(key, scene as plain data) of a run's reference, or the reason why its scene is invalid.
+        The reference has the changes of the run that alter the physics (`_followed`), then those
+        that the study prescribes for references; faults are located at either."""
         owners = point.owners | {
             k: self._reference_place(k) for k in self.study.file.reference_changes}
         source = self.base

@@ -241,6 +241,7 @@ class CoupledErrors:
                    for i in (layout[n] for n in self.blocks)):
                 break
         x, v, a = formula.at(d)
+        # linear: errors are small changes of states, whose quaternions have no length of 1
         return advanced(rules, layout, error, formula, StepOutcome(
             x, Status.DONE, 1, rates=(v, a)), linear=True)
 

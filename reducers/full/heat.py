@@ -99,7 +99,7 @@ class FullHeat(StepEquations):
     def residual(self, d: FloatArray, slope: bool = False) -> FloatArray:
         """Residual at the departure d: rows as they stand (`plain`), B d - (base - local terms), or
         d - B^-1 (base - local terms) by the linear solver; base (n,): loads less conduction at the
-        free motion T0."""
+        free motion T0. slope: no effect, as nothing is kept for the Jacobian."""
         r, own = np.zeros(len(d)), d[self.at]  # other unknowns: zero, they are known
         right = self.base - self._forces(self.free + own, own) if self.local else self.base
         if self.plain:

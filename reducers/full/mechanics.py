@@ -210,8 +210,8 @@ class FullMechanics(StepEquations):
         of rigid coordinates, then joint forces, in the layout."""
         self.layout, self.targets, self.border = layout, targets, border
         self.bodies = [b for b in bodies if b.ops is not None or b.step.to_border.any()]
-        # price: cost of a new Jacobian in iterations with the old one, more than one where linear
-        # solvers are iterative, because these contract no further than their tolerance
+        # price: cost of a new Jacobian in iterations with the old one; in space 1, a new one each
+        # step, but not with iterative linear solvers, which contract only to their tolerance
         moving = IN_SPACE if layout.quaternions and not self.iterates else PRICE
         self.price = moving if len(border) else UNCHANGED
         self.exact = self.iterates  # no whole Jacobian is factorized then, for which to give up

@@ -111,7 +111,7 @@ def _interpolated_loads(
               *(m.operators.tables for m in separated.moving if m.operators is not None)]
     if recording is None or any(tables):  # loads that move: no estimate
         return ()
-    step = StepFactors(block.h, 0.0, 0.0, 0.0)
+    step = StepFactors(block.h, 0.0, 0.0, 0.0)  # of which the estimate reads h alone
     try:
         f = expected_states(block.model, block.name, step, max(recording.end, block.h)).forces
     except SolveFailed:  # the run itself will say so

@@ -155,7 +155,7 @@ class SampledElastic(SampledBlock[ProjectedElastic]):
     @property
     def forces(self) -> TestMap | None:
         """Test map of other forces in the rows of `compressed`, None where these are the sampled
-        ones; there are none in blocks whose atoms are selected."""
+        ones; there are none in blocks whose atoms are selected: the identity is never applied."""
         return TestMap() if self.block.selects else None
 
     def on(self, support: IntArray | None) -> ActiveRows:

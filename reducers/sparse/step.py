@@ -87,10 +87,14 @@ class SparseStep:
         self, model: AssembledModel, dictionaries: Mapping[str, Dictionary],
         thermal: Sequence[SampledRows], elastic: Sequence[SampledRows], hysteresis: float
     ) -> None:
+        """thermal, elastic: samples of the blocks; hysteresis: fraction by which other supports
+        must lower the residual norm to replace those of the step before."""
         self.model, self.thermal, self.elastic = model, thermal, elastic
         self.hysteresis = hysteresis
         self.layout = model.layout.resized({n: d.atoms.shape[1] for n, d in dictionaries.items()})
-        n = model.layout.size  # all of them are offset + E z, with coefficients z (k,)
+        # unknowns of the model (n,) are offset + E z, with z (k,): coefficients, and all unknowns
+        # of the blocks without a dictionary
+        n = model.layout.size
         self.E, self.offset = np.zeros((n, self.layout.size)), np.zeros(n)
         for b in model.layout:
             at, d = model.layout[b.name], dictionaries.get(b.name)

@@ -68,7 +68,8 @@ class SampledResidual:
     ) -> tuple[Reduced, IntArray | slice]:
         """The residual as a function of the unknowns that are needed (n,) or nonzero in one of the
         states (n,), and the numbers of these. wide: ranges of the blocks with so many atoms that it
-        pays to leave some out; unknowns of other blocks are always in."""
+        pays to leave some out; unknowns of other blocks are always in (every (n,): True). chosen:
+        elastic block -> numbers of the rows that are evaluated."""
         if not self.wide:
             return self.rows, slice(None)
         use = self.every.copy()
@@ -172,7 +173,8 @@ class SupportedEquations(StepEquations):
                     G = left @ d.generators[:, : left.shape[1], block.active]
                 self.sizes.append(np.stack([np.linalg.norm(G, axis=(1, 2)), np.zeros(len(G))], 1))
         self.solved = np.flatnonzero(free)
-        self.price = 8 + len(self.solved) // 40  # as of `Reduced`
+        # cost of a new Jacobian in iterations with the old one, as of `Reduced`
+        self.price = 8 + len(self.solved) // 40
 
     def begin(self, step: StepFormula, d: FloatArray) -> None:
         """Begins a step: inactive coefficients go to zero; where few columns are nonzero, the
