@@ -80,7 +80,7 @@ class ErrorControl(StepControl):
         it takes them back and acts: stop, go on at full order, or with more atoms."""
         accepted = steps.accepted()  # the present state, to which steps are taken back
         while (remaining := steps.steps - steps.stats.done) > 0:
-            if self.monitor is None:
+            if self.monitor is None:  # at full order there are no estimates
                 return steps.portion(remaining, stop_requested)
             if stop_requested():
                 return SolveFailed(Status.INTERRUPTED, steps.state.t)

@@ -83,9 +83,10 @@ class Smallest:
             self._from_all()
 
     def _from_all(self) -> None:
-        """Smallest singular values from the factor of all rows, and for the next rows the inverse
-        M = (A^T A - shift)^-1 by which they are updated; None: no updates, each row needs an SVD.
-        held: its leading eigenvectors; first: its largest eigenvalue."""
+        """Smallest singular values s = (s_(k-1), s_k) from the factor of all rows, the right vector
+        of s_k, and for the next rows the inverse M = (A^T A - shift)^-1 by which they are updated;
+        None: no updates, each row needs an SVD. later: rows that are not in the factor yet; held:
+        leading eigenvectors of M; first: its largest eigenvalue."""
         if self.later:
             self.factor.add(np.concatenate(self.later))
             self.later.clear()

@@ -61,6 +61,7 @@ class GramExchange:
 
         z (k,), r (m,): least-squares solution on `active` and its residual, which a change d of the
         coefficients turns into r + J d; g = J^T r. Hence (J_U^T J_U) d = -g_U on the columns U.
+        transposed (k, m): J^T.
         """
         wide = np.flatnonzero(union)
         factor = self._factor(wide)
@@ -90,7 +91,8 @@ class GramExchange:
 
     def _factor(self, columns: IntArray) -> FloatArray | None:
         """Lower Cholesky factor of the Gram matrix J_U^T J_U of the columns U with these numbers;
-        None if that is too ill conditioned."""
+        None if that is too ill conditioned. transposed (k, m): J^T; gram (k, k): J^T J, None where
+        it would be too large to store."""
         if self.gram is None:
             rows = self.transposed[columns]
             G = rows @ rows.T

@@ -312,7 +312,8 @@ class _RunBuilder:
         return "; ".join(words)
 
     def never_valid(self, points: list[Point]) -> list[StudyFault]:
-        """Faults of axis values that are invalid in every run that uses them."""
+        """Faults of axis values that are invalid in every run that uses them. blamed: number of a
+        run -> its faults, located in the study file."""
         found: dict[KeyPath, list[StudyFault]] = {}  # position of an axis value, () for none
         for n, findings in self.blamed.items():
             for f in findings:

@@ -340,7 +340,8 @@ class Search:
 
     def choice(self, counts: Mapping[str, int]) -> Choice:
         """The chosen reducer, and what speaks for and against it: errors of the last trial runs
-        within the tolerance (reasons) or above it (doubts), and how projection errors fall."""
+        within the tolerance (reasons) or above it (doubts), and how projection errors fall. tau:
+        tolerance of ECSW weights, 0 for Galerkin projection; rejected: why ECSW was."""
         tolerance = self.auto.tolerance
         reasons = [self.rejected] if self.rejected else []
         doubts: list[str] = []

@@ -115,7 +115,8 @@ class TrainingReference:
         h, integrator = problem.step, problem.integrator
         assert isinstance(problem.model, Model)
         atoms = {n: d.atoms.shape[1] for n, d in solver.dictionaries.items()}
-        # coefficients at the times of the snapshots, and numbers of the states that are returned
+        # coefficients at the times of the snapshots, of which there is one each `every` steps, and
+        # numbers of the states that are returned
         kept = {n: np.zeros((k, self.count)) for n, k in atoms.items()}
         ok, steps = True, (self.count - 1) * self.every
         due = {round(i * steps / (LINEARIZED - 1)) for i in range(LINEARIZED)}

@@ -89,7 +89,8 @@ class BorderedModes:
     def solve(self, r: FloatArray) -> FloatArray:
         """Solution (n,) for a right-hand side r (n,): heat, displacements without border, border,
         and what it changes in the displacements. With modes u and border unknowns y of each body,
-        diagonal u - coupling T + column y = r_u, and row u adds to the rows of y."""
+        diagonal u - coupling T + column y = r_u, and row u adds to the rows of y. factor: that of
+        the border's Schur complement, None where all frames are prescribed."""
         z, rest = np.zeros(len(r)), r.copy()
         for at, diagonal in self.heat:
             z[at] = r[at] / diagonal

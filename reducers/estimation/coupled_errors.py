@@ -204,6 +204,7 @@ class CoupledErrors:
         found: dict[str, list[float]] = {n: [] for n in self.blocks}
         for at, outside in run:
             x, v, a, *history = memory["errors"]
+            # h: a step of the run, s; before, count: so many of them in the last and in this step
             start, before, h = float(memory["time"]), int(memory["steps"]), self.h / self.every
             count = steps or max(round((at.t - start) / h), 1)
             error = State(
@@ -222,7 +223,7 @@ class CoupledErrors:
         """Errors at a state of the run from those `count` steps before: R(state + error) =
         `permitted`, by Newton's method with one Jacobian. d (n,): departure of the error from its
         free motion; passes: Newton iterations of a long step."""
-        layout, h = self.equations.layout, self.h / self.every
+        layout, h = self.equations.layout, self.h / self.every  # h: a step of the run, s
         rules = error_rules(self.integrator, count, h)
         formula = step_formula(rules, layout, error, count * h)
         d, factor = np.zeros(layout.size), None
@@ -291,7 +292,7 @@ class CoupledErrors:
     def _norms(self, e: FloatArray, outside: FloatArray) -> dict[str, float]:
         """Estimates of each block from errors e (n,) and parts (m,) outside of the error spaces,
         times `margin`. space.norm (q, q): |norm e| is the length of the error of the block's q
-        modes in its n unknowns."""
+        modes in its n unknowns; _outside: block -> its columns in `outside`."""
         layout, norms = self.equations.layout, {b.name: b.space.norm for b in self.spaces}
         rest = self._outside
         found = {}

@@ -257,7 +257,9 @@ class _Coordinates:
         return self._block(name, HeatResidual.from_operators(self.layout[name], operators))
 
     def elastic(self, m: MovingBody) -> BlockErrors:
-        """Error equation of displacements, loaded by the errors of the body's temperatures."""
+        """Error equation of displacements, loaded by the errors of the body's temperatures. bases:
+        block -> basis of the coordinates in which its residual is evaluated; the residual is tested
+        by the modes of its errors."""
         assert m.operators is not None
         name, o, layout = m.elastic, m.operators, self.layout
         space, warm = self.spaces[name], self.spaces.get(m.thermal)

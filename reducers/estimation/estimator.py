@@ -181,7 +181,8 @@ class ErrorModel:
     ) -> dict[str, FloatArray]:
         """Error norms (j,) of each block at j estimates with residuals (j, q), so many steps
         (`counts`) after each other, brought to `memory`. Parts (3, j, m) of states outside of the
-        error space (reduced_states.py) are errors as they are."""
+        error space (reduced_states.py) are errors as they are. single, whole: one step of the modes
+        and `every` at once, under residuals that change linearly meanwhile."""
         known: dict[str, list[FloatArray]] = {b.name: [] for b in (*self.heat, *self.elastic)}
         for r, count in zip(residuals, counts, strict=True):
             if count == self.every:
@@ -232,7 +233,8 @@ class ErrorModel:
 
     def _projected(self, run: Trajectory) -> tuple[Trajectory, FloatArray]:
         """Reduced states in the coordinates of the residuals (layout `coordinates`, from that of
-        the `reduced` model), and the parts (3, j, m) of x, v and a outside of the error spaces."""
+        the `reduced` model), and the parts (3, j, m) of x, v and a outside of the error spaces.
+        Where all spaces contain the atoms, the coordinates are the reduced unknowns themselves."""
         maps = {b.name: b for b in (*self.heat, *self.elastic)}
         count = len(run.times)
         if not self._outside:

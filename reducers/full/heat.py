@@ -135,7 +135,8 @@ class FullHeat(StepEquations):
 
     def jacobian(self, at: Linearisation) -> Csr | None:
         """Jacobian of the group's own rows, B plus derivatives of the local terms for dT' = c1 dT
-        and dT'' = c2 dT, the last two of at.c; None for the identity."""
+        and dT'' = c2 dT, the last two of at.c; None for the identity, unless the rows are `plain`,
+        not times B^-1."""
         if not self.plain:
             return None
         n, J = len(self.at), self.B

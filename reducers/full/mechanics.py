@@ -141,7 +141,8 @@ class LocalForces:
         return self.known + self._sum(self.iterated, d)
 
     def _sum(self, parts: Sequence[ElasticLocal], d: FloatArray) -> FloatArray:
-        """Forces (n,) of these terms at the departure d (n,)."""
+        """Forces (n,) of these terms at the departure d (n,) from the free motion u, v (n,); T,
+        rate: final temperatures and their rate."""
         step, r = self.step, np.zeros(len(d))
         u, v, a = self.u + d, self.v + step.c1 * d, step.c2 * d
         for part in parts:
@@ -173,7 +174,8 @@ class BorderedFactor:
 
     def solve(self, r: FloatArray) -> FloatArray:
         """Solution for a right-hand side r (n,): Schur complement times y = r_y - tau P^T r_u, then
-        u = r_u - E sigma_y^T y; tau, sigma_y (m, p) on the m border unknowns `at` of a body."""
+        u = r_u - E sigma_y^T y. J.bodies: number of the body, the border unknowns `at` (m,) that it
+        uses, tau and sigma_y (m, p) on these."""
         z, y = r.copy(), r[self.border]
         for i, at, tau, _ in self.J.bodies:
             body = self.of[i]
@@ -287,14 +289,16 @@ class FullMechanics(StepEquations):
         """Residual of the border rows, and of displacements already multiplied by the inverse of
         their constant operators: r = d + D^-1 (...). displaced: terms of each body that stay during
         the step (`_constant_part`); maps: of each body the numbers `at` of the border unknowns that
-        it uses, and their map to its border."""
+        it uses, and their map to its border. X0, R (3, n): x, v, a = X0 + R d; frames_at: x at
+        which frames were last evaluated with derivatives, which `jacobian` then need not do
+        again."""
         r, X = d.copy(), self.X0 + self.R * d
         r[self.layout.first] = 0.0  # temperatures are known
         r[self.border] = 0.0
         for i, f in self.targets:
             r[self.border[i]] -= f(self.step.t)
-        # X (3, n): x, v, a. w.border: derivatives, and the rows in the last column; w.sigma: the
-        # factors of the directions P in the last row
+        # w.border: derivatives, and the rows in the last column; w.sigma: the factors of the
+        # directions P in the last row
         rates = (self.step.c1, self.step.c2) if slope else None
         self.frames_at = X[0] if slope else _NONE
         for b, w, one, (_, at, to_border) in zip(

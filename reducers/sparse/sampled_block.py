@@ -213,7 +213,8 @@ class SampledHeat(SampledBlock[ProjectedHeat]):
         return None if Z is None else self.block.test.then(self.block.weight).then(Z.T)
 
     def on(self, support: IntArray | None) -> CompressedHeat:
-        """The reduced block on a support, of all atoms if None. Raises SolveFailed."""
+        """The reduced block on a support, of all atoms if None. range_rows: its operators in the
+        rows in which B is not zero. Raises SolveFailed."""
         # B is the unit matrix: the rows of the support are its left inverse
         if self.columns.unit.unit and support is not None and not self.body.local:
             return CompressedHeat.of_orthonormal(

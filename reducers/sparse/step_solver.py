@@ -195,7 +195,8 @@ class Build:
     ) -> ProjectedModel:
         """All equations: under the least squares of each block's rows, with all atoms active; of
         the blocks `selecting`, in which atoms are selected, their compressed rows instead (left
-        None). forces: test map of all other forces, in these rows."""
+        None). maps: test map of each block, of the sampled rows; forces: that of all other forces,
+        in the rows of the block's operators."""
 
         def projected(s: SampledHeat | SampledElastic) -> ProjectedBlock[Any]:
             name = s.block.name
@@ -230,8 +231,9 @@ class Build:
         """A block with its preconditioner P, and the condition and recovery error of its rows; to
         `notes` one is added where the rows do not determine the coefficients well. B (m, k):
         operator of a step on the atoms in the sampled rows; rows: their numbers, None for all rows
-        of D^-1 r. self.weights: facts of element weights, by block; self.atoms: largest number of
-        active atoms, None for all."""
+        of D^-1 r. self.weights: facts of element weights, by block; atoms: largest number of active
+        atoms, None for all; inverted: blocks whose rows are those of D^-1 r; compressed: all of
+        these rows, as many as atoms."""
         P, inverted, d = None, name in self.inverted, self.dictionaries[name]
         if inverted:  # D^-1 D atoms, without the rounding of either
             B = self.compressed[name].B if rows is None else d.atoms[rows]

@@ -185,7 +185,8 @@ class SupportedEquations(StepEquations):
 
     def _begun(self, rows: SampledResidual, d: FloatArray) -> tuple[Reduced, IntArray | slice]:
         """The equations of the unknowns that are nonzero, begun at the departure d (n,), in `rows`;
-        and the numbers of these unknowns."""
+        and the numbers of these unknowns. needed (n,): True for the active unknowns of mechanics;
+        inactive: numbers of the coefficients that are zero."""
         step = self.step
         restricted, use = rows.on_nonzero(self.needed, *step.at(d)[:2], d)
         if isinstance(use, slice):
@@ -217,7 +218,8 @@ class SupportedEquations(StepEquations):
     ) -> dict[str, FloatArray]:
         """Rows of each elastic block at the solution of the step that was solved last; operators:
         of the first rows on their atoms, (j, k), which the equations of the step leave out. d (n,):
-        departure; needed (n,): True for unknowns that are not zero."""
+        departure; needed (n,): True for unknowns that are not zero; restricted, in_use: the
+        equations that the step was solved with, and the numbers of their unknowns."""
         d = solved.x - step.free if solved.rates is None else step.departure(
             solved.x, *solved.rates)
         restricted, use, found = self.restricted, self.in_use, {}

@@ -130,7 +130,7 @@ class WeightEquations:
         of a dimension far below `most`. Equations for few elements are replaced by their QR factor,
         with equal |G x|.
         """
-        if self.rows * (len(elements) + 1) <= BLOCK:
+        if self.rows * (len(elements) + 1) <= BLOCK:  # few enough entries to be held at once
             A, b = self.columns(elements), self.total()
             if len(A) > 2 * len(elements):  # |A w - b| = |R [w, -1]| with [A, b] = Q R
                 R = np.asarray(np.linalg.qr(np.column_stack([A, b]), mode="r"))
