@@ -195,7 +195,8 @@ class OutputDirectory:
                 os.replace(out / MOVING, out / KEPT)
 
     def _set_aside(self, writes: Sequence[str], parts: Sequence[str]) -> None:
-        """Moves the files of the earlier result to OUT/.replaced.
+        """Moves the files of the earlier result to OUT/.replaced. writes, parts: files and folders
+        that the new one will write.
 
         If a new run was killed before its end, its files are removed and the result in
         OUT/.replaced stays. Raises InputError, changing nothing, for files of somebody else that

@@ -165,6 +165,7 @@ def positions_figure(moving: Poses) -> "Figure | None":
 
 def _moved(moving: Poses, what: str) -> dict[str, FloatArray]:
     """Body -> (j,) displacement (m) or rotation (rad) since the start; empty if nothing moves.
+    moving: body -> (times, poses); what: `x moved`, `y moved`, `z moved` or `turned`.
     Columns of a pose are positions, then the angle or, in more than `SPINNING_POSE`, a
     quaternion."""
     found = {}

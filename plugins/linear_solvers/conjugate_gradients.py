@@ -54,7 +54,7 @@ def iterate(
     limit: int,
 ) -> tuple[FloatArray, int]:
     """Solution x (n,) with norm(b - A x) <= rtol norm(b), or the last iterate; number of
-    iterations.
+    iterations. precondition: approximate inverse of A, times a residual; limit: most iterations.
 
     The residual that is updated by recurrence drifts from the true one; where the true one is still
     too large, the iteration is restarted.
@@ -74,8 +74,8 @@ def iterate(
 def _descend(
     A: Csr, precondition: Precondition, x: FloatArray, r: FloatArray, target: float, limit: int
 ) -> int:
-    """Conjugate gradient iterations from x with residual r, both overwritten; returns their
-    number."""
+    """Conjugate gradient iterations from x with residual r, both overwritten, until the norm of r
+    is at most `target`, or `limit` of them; returns their number."""
     z = precondition(r)
     p, rho = z.copy(), float(r @ z)
     for count in range(1, limit + 1):

@@ -72,7 +72,7 @@ class SmoothedAggregation(LinearSolver):
 
 def _hierarchy(whole: Any, motions: FloatArray, theta: float) -> Any:
     """PyAMG hierarchy of the matrix `whole`, with the rigid-body modes `motions` as near-null
-    space.
+    space. theta: entries below this share of their diagonal entries are no connection.
 
     Chebyshev smoothing is symmetric, as conjugate gradients require, and with interpolation of
     least energy takes a third of the time of Gauss-Seidel sweeps.

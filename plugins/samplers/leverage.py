@@ -23,8 +23,9 @@ class Leverage(SpanSampler):
     one region and miss others."""
 
     def choose(self, U: FloatArray, rows: GreedyRows, rng: np.random.Generator) -> None:
-        """Takes units (rows or nodes) by the leverage scores of their rows: the largest, or a draw
-        with these weights. Both take units in the order of increasing keys, one a unit."""
+        """Takes units (rows or nodes) by the leverage scores of their rows of U (n, k), whose
+        columns are orthonormal: the largest, or a draw with these weights. Both take units in the
+        order of increasing keys, one a unit."""
         if rows.left == 0:
             return
         scores = leverage(U, U[rows.taken], rows.left)

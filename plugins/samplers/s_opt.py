@@ -24,8 +24,9 @@ class SOpt(SpanSampler):
 
 
 def one_column_a_row(U: FloatArray, rows: GreedyRows) -> None:
-    """Adds rows while there are fewer rows than columns: p rows are compared by the first p
-    columns, a row by the S = (sqrt det A^T A / prod |a_j|)^(1/p) of the sample A with it added.
+    """Adds rows of U (n, k) while there are fewer rows than columns: p rows are compared by the
+    first p columns, a row by the S = (sqrt det A^T A / prod |a_j|)^(1/p) of the sample A with it
+    added.
 
     With one row missing, det A^T A after row u is added is a constant times (u N)^2, N the null
     vector of the rows taken; with more missing, the norm of u in their null space is used.
@@ -48,8 +49,9 @@ def one_column_a_row(U: FloatArray, rows: GreedyRows) -> None:
 
 
 def all_columns(U: FloatArray, rows: GreedyRows) -> None:
-    """Adds further rows by det(A^T A + u^T u) = det(A^T A) (1 + u (A^T A)^-1 u^T) for a row u: the
-    one of largest det A^T A / prod |a_j|^2 over the columns a_j of the sample A, with it added.
+    """Adds further rows of U (n, k) by det(A^T A + u^T u) = det(A^T A) (1 + u (A^T A)^-1 u^T) for a
+    row u: the one of largest det A^T A / prod |a_j|^2 over the columns a_j of the sample A, with it
+    added.
 
     q (n,), u (A^T A)^-1 u^T of all candidates, is updated after each row by rank-one updates, and
     computed again where these have lost digits.

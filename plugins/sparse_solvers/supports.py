@@ -78,8 +78,9 @@ class Fit:
 
 
 def fit(linear: Linearised, active: BoolArray, rank_rtol: float) -> Fit | None:
-    """Least squares on the active columns by QR; None when they are linearly dependent: their
-    reciprocal condition number is at most `rank_rtol`."""
+    """Least squares of r + J (z - z_0) on the active columns by QR, with the unit columns J (m, k),
+    residual r and scaled coefficients z_0 of the linearisation; None when they are linearly
+    dependent: their reciprocal condition number is at most `rank_rtol`."""
     columns = np.flatnonzero(active)
     A, z, r = linear.J[:, columns], np.zeros(linear.z.size), linear.r
     gone = np.flatnonzero(~active & (linear.z != 0.0))  # coefficients that become zero

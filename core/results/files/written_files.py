@@ -68,8 +68,8 @@ def read_listing(folder: Path) -> Listing | None:
 
 
 def add_to_listing(folder: Path, lines: Sequence[Mapping[str, Any]], kind: str = "") -> None:
-    """Adds lines to the list of a folder, which is begun if there is none. Raises InputError (key
-    `out`) if a file of somebody else has its name."""
+    """Adds lines to the list of a folder, which is begun if there is none, with the kind of its
+    content at the head. Raises InputError (key `out`) if a file of somebody else has its name."""
     file = folder / LISTING
     if os.path.lexists(file):
         if not _begun(file):
@@ -128,7 +128,7 @@ def append_listed(folder: Path, name: str, data: bytes, before: Written) -> Writ
 @contextmanager
 def publishing(folder: Path, kind: str = "", *, alone: bool = False) -> Iterator[Path]:
     """Context manager: temporary folder, whose files are moved to `folder` at the end and listed
-    there. alone: they belong to no result.
+    there. kind: of the content of a folder that has no list yet; alone: they belong to no result.
 
     Raises InputError (key `out`), moving nothing, if one would replace a file that is not ours.
     """
