@@ -24,7 +24,8 @@ def refusal(attributes: Mapping[str, Any], scene: Scene) -> str:
     """Reason why a run of this scene cannot continue a stored one, "" if it can. attributes: those
     of the stored result."""
     kept, ended = attributes["scene"], attributes["status"] == Status.DONE.value
-    changed = set(changes(kept, scene.dump())) - FREE  # dotted keys
+    # dotted keys, but for those (FREE) on which the steps so far do not depend
+    changed = set(changes(kept, scene.dump())) - FREE
     if ended and not changed:
         return "the run has ended; nothing is left to do until a later time.end"
     if attributes.get("enriched"):

@@ -19,6 +19,7 @@ def check_material(material: Material) -> None:
     first, again = (vars(material.properties()) for _ in range(2))
     for name, value in first.items():
         if isinstance(value, TemperatureProperty):
+            # CURVES: the properties that may depend on temperature
             law(name in CURVES, f"{name} depends on temperature: it is a constant")
             _curve(name, value, again[name])
         else:

@@ -55,6 +55,7 @@ class AutomaticSolver(LinearSolver):
         if n <= SMALL:
             return Splu(), f"splu: {n} unknowns are few"
         entries = factor_entries(A, places)
+        # ENTRY: bytes of an entry
         size, limit = 2 * ENTRY * entries / GIGABYTE, self._limit()  # GB of both factors
         if size > limit:
             return self._iterative(A, places, f"factors of {size:.2g} GB exceed {limit:.2g} GB")

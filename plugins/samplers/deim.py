@@ -54,7 +54,7 @@ def pivots(U: FloatArray, rows: GreedyRows) -> None:
             for _ in range(2):
                 new = new - (Q[:found] @ new) @ Q[:found]
             size = np.linalg.norm(new)
-            if found < unspanned and size > NEW:
+            if found < unspanned and size > NEW:  # else it adds nothing to the span
                 Q[found] = new / size
                 left -= (W @ Q[found]) ** 2
                 found += 1

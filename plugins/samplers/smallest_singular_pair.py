@@ -94,8 +94,10 @@ class Smallest:
         s, V, rank = self.factor.singular(k)
         s = np.concatenate([[np.inf], s, np.zeros(k - s.size)])
         self.s, self.vector, self.M = s[-2:], V[:, -1], None
+        # with few columns, or an ill-conditioned A, an SVD for each row instead
         if k > SMALL and rank == k and s[-1] > ILL * s[1]:
             least, above = s[:-3:-1] ** 2  # s_k^2, s_(k-1)^2
+            # below the smallest eigenvalue, at least by a small part (CLOSE) of it
             self.shift = least - max(above - least, CLOSE * least)
             inverse = 1.0 / (s[1:] ** 2 - self.shift)
             self.M, self.held = (V * inverse) @ V.T, V[:, : -HELD - 1 : -1]

@@ -161,7 +161,8 @@ class StudyPlan:
         read.check(taken_names(file, (*error_columns(fields), *file.quantities)))
         read.check(file.quantity_faults(maker.base.tree, {
             *settings, *RESERVED, *OUTCOME, "seed", *error_columns(fields)}))
-        # what the rows depend on: a folder with another digest contains another study
+        # what the rows depend on, all keys but those that charts alone read: a folder with another
+        # digest contains another study
         about = digest(
             {k: v for k, v in read.source.tree.items() if k not in OF_CHARTS},
             environment(), folder_digest(Path(__file__).parent), maker.identities,

@@ -104,6 +104,7 @@ class Subject:
                 basis = matched_option(name, dict(chosen.others), chosen.shared)
                 if self.registry.name_of("basis", type(basis)) == "pod":
                     own |= basis.model_dump(include={"weights", "count"}, exclude_defaults=True)
+            # USUAL: number of atoms where the scene sets none
             found[name] = own | {"count": min(own.get("count") or USUAL, size)}
         return found
 

@@ -202,6 +202,7 @@ class Search:
                     f"learned from {self.ref.runs - 1} runs")
             part = replace(self.problem, offline=offline.learning(self.ref.first))
             largest = self.largest(part)
+            # with up to TELLING times as many atoms as the whole needs, the part shows what follows
             if not left or all(self._needed(n) <= TELLING * k for n, k in whole.items()):
                 met = self.sized(largest, {}, said)
                 held_out = self.trials[-1].holdout.values()
@@ -262,6 +263,7 @@ class Search:
         """Numbers of atoms after a trial run: more in blocks that are not accurate enough, and in
         the temperatures that act on them. aim: share of its limit to which an error shall fall;
         the targets, largest projection errors allowed, are lowered by as much."""
+        # share: of the tolerance that errors may reach, on what is held out or over the whole run;
         # factors: block -> factor of its target
         share, factors = HELD_OUT if trial.holdout else SAFE, dict[str, float]()
         limit = share * self.auto.tolerance
@@ -316,6 +318,8 @@ class Search:
             projection = self._ecsw_model(whole, counts, part=bool(said))
             method = f"ecsw, tau {self.tau:.1g}{said and ', '}{said}"
             trial = self._trial_run(projection, method, said)
+            # shares of its limit to which an error is to fall; less far on the first part, since
+            # more atoms need more elements
             more = self._more_atoms(counts, total, trial, NEARER if said else TIGHTER)
             if more == counts or attempt + 1 == WEIGHINGS:
                 break

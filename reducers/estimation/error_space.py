@@ -105,6 +105,7 @@ def error_space(
     sources: columns (n, j) that span its residuals; starts (n, j): errors of the initial state,
     which the space contains. Raises SolveFailed where an operator cannot be factorized.
     """
+    # count: number of vectors in addition to the atoms
     S, count = unit(np.hstack(sources)), COUPLED if coupled else max(COUNT, atoms.shape[1])
 
     def make() -> dict[str, FloatArray]:

@@ -107,7 +107,7 @@ class MechanicsProblem:
         self.prescribed = residual.prescribed(step.t)  # terms that depend on time alone
         self.scale = np.concatenate((*scales, np.ones(self.border)))
         self._constant: FloatArray | None = None  # the Jacobian, where it never changes
-        if self.border:
+        if self.border:  # its rows get the length BORDER, sampled ones have at most 1
             size = np.linalg.norm(self.jacobian(self.start())[-self.border :], axis=1)
             self.scale[-self.border :] = BORDER / np.where(size > 0, size, 1.0)
 

@@ -246,7 +246,7 @@ def train(equations: WeightEquations, tau: float, most_candidates: int = CANDIDA
             residual = float(np.linalg.norm(G.applied(whole) - total))
             if residual < best.residual:
                 best = Weights(whole, residual)
-            if best.residual <= MET * tau:
+            if best.residual <= MET * tau:  # tau but for rounding
                 return best
             if reduced.exact or achieved > goal:
                 break
