@@ -115,7 +115,7 @@ class ContactTerm(Term):
         if here is None:
             return None
         first, second = (s.surface for s in self.sides)
-        moves = len(self.sides[1].u) > 0
+        moves = len(self.sides[1].u) > 0  # the second surface deforms
         planes = Planes.from_corners(here.b[second.facets]) if moves else second.planes
         # pairs: facet f of the first surface with nodes i, g of the second with nodes j
         f, g = self._pairs(here, planes)

@@ -174,7 +174,8 @@ class Kinematics:
         z (P, k, D): derivatives by the positions, in the second body's axes, of the corners of the
         first facet, i (P, d), and then of the second facet. by_frames: of these positions by rigid
         coordinates; C: by displacements of the first surface, in its body's axes; those of the
-        second are its positions.
+        second are its positions. n.frames, n.u1, n.u2: numbers of rigid coordinates of both bodies
+        and of displacements of each surface, 0 for none.
         """
         n, D = self.sizes, i.shape[1] ** 2
         first = z[:, :, :D]
@@ -194,7 +195,8 @@ class Kinematics:
         z (P, k, D): derivatives by the velocities of the corners i (P, d) of the first and j (P, d)
         of the second facet, in the second body's axes; c1 (local,): derivative of the rate of each
         unknown by the unknown (time integration formula). spin: of the first facet's velocities by
-        its displacements, at constant rates of these.
+        its displacements, at constant rates of these; C: from the first to the second body's axes;
+        n.frames, n.u1, n.u2: numbers of unknowns as in `by_unknowns`, 0 for none.
         """
         n, D = self.sizes, i.shape[1] ** 2
         first = z[:, :, :D]
@@ -218,8 +220,8 @@ class Kinematics:
         """(local,) generalized forces of nodal forces f (n1 + n2, d), N, given in the second body's
         axes: force and moment on both frames, which are equal and opposite, then nodal forces in
         body axes. y, a: positions of the first surface in the first and second body's axes; forces
-        on the second surface do not act on its frame again: their resultant is minus the
-        first's."""
+        on the second surface do not act on its frame again: their resultant is minus the first's.
+        n.f1, n.f2, n.u1, n.u2: numbers of rigid coordinates and of displacements, 0 for none."""
         n, first = self.sizes, f[: self.sizes.n1]
         # resultant in space axes, and nodal forces in the first body's axes
         whole, own = self.B @ first.sum(axis=0), first @ self.C
@@ -240,7 +242,8 @@ class Kinematics:
 
         Returns those of the rigid coordinates' rows (frames, frames), summed, and of the corner
         displacements' rows (P, d^2, frames). The derivative of the rigid coordinates' rows by the
-        displacements is the transpose of the latter. f: in the second body's axes, N; arms(g) @ phi
+        displacements is the transpose of the latter. n.f1, n.f2: numbers of rigid coordinates of
+        each body, 0 for none. f: in the second body's axes, N; arms(g) @ phi
         = phi x g; one.by: of the rotation phi by the attitude coordinates, one.rows_by: of the
         generalized force of a constant torque; _total(a, b): sum over points of a^T b.
         """

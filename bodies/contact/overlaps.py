@@ -84,7 +84,9 @@ class Overlaps:
     def from_pairs(cls, pairs: Pairs) -> tuple[Self, IntArray]:
         """The nonempty overlaps of facet pairs, and the numbers of their pairs. depth, eta: of the
         first facet's corners below the second facet, m, and projected on it; borders: functions
-        that are positive in its cell; w: relative velocity, sink = -n . w the penetration rate."""
+        that are positive in its cell; w: relative velocity, sink = -n . w the penetration rate;
+        _reaching: numbers of pairs that may overlap; tags: cell's border on which an edge lies,
+        `EDGE` where the surfaces lift off (depth 0)."""
         depth, eta = pairs.projected()
         borders, measure = pairs.cells.values(eta, depth), pairs.measure()
         # surfaces that look the same way are the far sides of the bodies

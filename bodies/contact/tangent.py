@@ -447,8 +447,10 @@ def _velocity(o: Overlaps, q: ContactSamples, tag: IntArray, both: bool) -> Floa
     each corner coordinate: of the first facet's corners, then, if `both`, of the second's.
 
     tag (E,): border of the cell on which an edge lies, or `EDGE`. On the edge a function `bound` is
-    zero, which is positive in the overlap: the penetration, or the border function of the cell. It
-    moves with the speed grad(bound) . y / |grad(bound)|, the latter by barycentric coordinates.
+    zero, which is positive in the overlap: the penetration, or the border function of the cell,
+    border . eta - depth_slope depth (`FacetCells`). It moves with the speed grad(bound) . y /
+    |grad(bound)|, the latter by barycentric coordinates. o.at: values at the first facet's corners,
+    with the columns DEPTH and eta.
     """
     n, g, cells = o.pairs.planes.n[q.of], o.pairs.planes.g[q.of], o.pairs.cells
     lifts = (tag == EDGE)[:, None]

@@ -340,7 +340,8 @@ class Turned:
 
     def __call__(self, y: FloatArray) -> Jet:
         """The angle with its first (n,) and second (n, n) derivatives by the rigid coordinates
-        y (n,) of a body in space, of which the position y[:3] does not matter."""
+        y (n,) of a body in space, of which the position y[:3] does not matter. _cosine: A d . e
+        with both derivatives by the attitude."""
         turn = attitude(y[3:])
         cosine, sine = (_cosine(turn, self.own, e) for e in (self.first, self.second))
         angle, by_attitude, bend = of_angle(cosine, sine)
@@ -366,7 +367,8 @@ class Shifted:
 
     def __call__(self, y: FloatArray) -> Jet:
         """The distance with its first (n,) and second (n, n) derivatives by the rigid coordinates
-        y (n,) in space, position first."""
+        y (n,) in space, position first. of_body, bend: first derivative of A z and second one of e
+        . A z by the attitude."""
         turn = attitude(y[3:])
         second = np.zeros((len(y), len(y)))
         second[3:, 3:] = turn.bend(self.along, self.point)

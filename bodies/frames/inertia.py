@@ -144,7 +144,9 @@ class Inertia(Item):
         """Adds the factors of the functionals m e_i (`first`) and M_g X (`second`) in the elastic
         rows (`push`), and derivatives: sigma_y of these factors by y, tau of rows and torque_s of
         the torque in body axes by the functionals, for u' = c1 u, u'' = c2 u. by_shape, by_rate (3,
-        g): torque per unit of z.M_g z and of z.M_g u', k.axial: of z.M_g u''."""
+        g): torque per unit of z.M_g z and of z.M_g u', k.axial: of z.M_g u''. k: `Moments`, whose
+        matrices M_g have in w~ w~ + al~ factors with the derivatives k.slopes by w, k.turn by al;
+        M_g^T = k.signs M_g, and z.M_g z changes by k.symmetric (M_g z).dz."""
         c1, c2, k = m.c1, m.c2, self.moments
         first, second = slice(j, j + FIRST), slice(j + FIRST, j + FIRST + k.count)
         self.push(m, j, out)

@@ -101,7 +101,8 @@ class Length(Coordinate):
     ) -> tuple[IntArray, float, FloatArray, FloatArray]:
         """Numbers of the rigid coordinates in y, |gap| with gap = R + A z - R_o - A_o z_o (z =
         `point`, z_o = `base`), its gradient and second derivatives; the other body's coordinates
-        follow the own ones, if unknown. near: for angles alone."""
+        follow the own ones, if unknown. near: for angles alone. of_body(b), bend(f, b): derivative
+        of A b and second one of f . A b by the attitude."""
         y_o, size = self.far(m, o), m.at.stop
         far, D = attitude(y_o[3:]), m.turn.of_body(self.point)
         gap = m.R + m.A.dot(self.point) - y_o[:3] - far.A.dot(self.base)
@@ -148,7 +149,8 @@ class Distance(Coordinate):
     ) -> tuple[IntArray, float, FloatArray, FloatArray]:
         """Numbers of the rigid coordinates in y, the distance (R + A z - R_o - A_o z_o) . n, n =
         A_o e, its gradient and second derivatives; the other body's coordinates, from o on, follow
-        the own ones, if unknown. near: for angles alone."""
+        the own ones, if unknown. near: for angles alone. of_body(b), bend(f, b): derivative of A b
+        and second one of f . A b by the attitude."""
         y_o, size = self.far(m, o), m.at.stop
         far = attitude(y_o[3:])
         n, D = far.A.dot(self.axis), m.turn.of_body(self.point)

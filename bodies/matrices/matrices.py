@@ -491,7 +491,8 @@ class Matrices(BodyPlugin):
     def _fixed(self, mesh: Mesh, u: Unknowns) -> IntArray | None:
         """Numbers of the unknowns u that the reference condition fixes at zero; None without an
         elastic field. InputError where a rigid motion is left. A clamp fixes the rotations of its
-        nodes too; other conditions (numbers d * node + component) fix displacements."""
+        nodes too (u.turning: there are some); other conditions (numbers d * node + component) fix
+        displacements."""
         if ELASTIC.name not in self.selected_fields:
             return None
         if self.reference is None:

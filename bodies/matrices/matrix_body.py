@@ -116,7 +116,8 @@ class MatrixBody(FloatingBody):
     def rotation_of(self, which: str, key: str) -> FloatArray | None:
         """Mean rotation of the set as functionals (k, r) of the elastic unknowns: of its nodes
         where all have their r rotations, else by least squares of displacements; None where the set
-        does not turn. even (N,): weights of the mean over the set; key: option of an InputError."""
+        does not turn. even (N,): weights of the mean over the set; key: option of an InputError;
+        u.component: 0 to d - 1 of displacements, d and more of rotations."""
         u, r = self.unknowns, 2 * self.d - 3
         if self.elasticity is None:
             return None

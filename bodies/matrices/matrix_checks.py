@@ -158,6 +158,7 @@ def moment_notes(name: str, u: Unknowns, M: Csr, mass: MassProperties) -> Iterat
 
     Compares X.M X of the nodal positions X, as a field x -> x of the unknowns, with the trace of
     the second moment `mass.second`, which M gives exactly by its product with the rotations.
+    u.modal: unknowns without a place, such as modes.
     """
     X = u.field(np.eye(u.d))
     exact, found = float(np.trace(mass.second)), float(X @ (M @ X))

@@ -56,7 +56,8 @@ def stiffness_to_mass(K: Csr, M: Csr) -> float:
 class ProjectedTerm(Term):
     """Galerkin projection of a term as a term of the reduced unknowns: rows (l,), columns (k,);
     test (l, m): left factor of its m rows. whole: the term of the model; trial: its unknowns as an
-    affine function of the reduced ones; term: the product of all three."""
+    affine function of the reduced ones; term: the product of all three. exact_in_time: no time
+    derivatives of constraints are given, so that finite differences are taken."""
 
     rows: IntArray
     columns: IntArray

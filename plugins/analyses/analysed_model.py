@@ -50,7 +50,7 @@ def prepare(scene: Scene, observers: Sequence[object] = (), cache: Cache | None 
                          key)
     cache, bodies = cache or Cache(), BodyCache()
     manager = new_manager(observers)
-    scene = explicit(scene, cache, manager, bodies)
+    scene = explicit(scene, cache, manager, bodies)  # with a reducer that is chosen for it
     model, offline = prepared(scene, cache, manager, bodies)
     # friction with a memory adds unknowns of first order
     sticks = [b.owner for b in model.layout if b.kind.order == 1

@@ -85,7 +85,9 @@ def newton(
 
     Where Newton's method does not converge from the start x0, the loads are applied in steps: r(x)
     = (1 - s) r(x0) for s from 0, where x0 is the solution, to 1, with steps that are halved where
-    it fails. moving: gives a state its rates. Raises SolveFailed where this ends, too.
+    it fails. moving: gives a state its rates, of steady rotation, which change with its positions;
+    tangent: Jacobian with these changes, and rounding of inertia forces. Raises SolveFailed where
+    this ends, too.
     """
     tangent = partial(_at_rest if moving is None else carried_jacobian, system)
     moving = moving or (lambda s: s)
@@ -166,6 +168,9 @@ def flow(system: System, start: State, at: IntArray) -> SolvedState:
     free motion that nothing balances.
 
         (J + sigma M) dx = -r,    sigma in proportion to |r|, at least `floor`
+
+    _rate: the sigma of a first step of the size `TURN` (mass of the diagonal alone); _force: norm
+    of r relative to the mass; _far: largest change relative to large motions, `size`.
     """
     s, size = start, _scale(system)[at]
     M = csc_array(system.tangents(s).M)[at][:, at]

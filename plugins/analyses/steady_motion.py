@@ -54,7 +54,7 @@ def spinning(system: System, at: State, h: float) -> tuple[FloatArray, FloatArra
                 p, q = at.x[own][3:], model.x0[own][3:]
                 v[own][3:] = turns(p[None], q[None])[0] @ v[own][3:]
     # first positions alone are changed, then what is left is taken from all rigid coordinates, so
-    # that the first and second time derivatives of the constraints are zero
+    # that the first and second time derivatives of the constraints are zero (v, a: in place)
     for changed in (positions, np.ones_like(positions)):
         _correct(v[frames], G, changed, constraints.rate(at.x, v, at.t)[0])
     for changed in (positions, np.ones_like(positions)):

@@ -42,6 +42,7 @@ def left_singular(
     may be left out.
     """
     n, M = A.shape
+    # more columns than `largest` cost as much as the whole decomposition
     size, largest = FIRST, min(n, M) // (2 if rest else 3)
     allowed = max(rest, 0.5 * min(level, round_off_level(n, M)))
     Q: FloatArray = np.zeros((n, 0))

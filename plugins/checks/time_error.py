@@ -129,7 +129,7 @@ class Windows:
         `every`-th state, which wait in `next_states`; moving: rigid coordinates.
         """
         self.run, self.origin, self.steps = run, origin, run.steps
-        windows = WINDOWS - (self.steps < 2 * FEWEST)
+        windows = WINDOWS - (self.steps < 2 * FEWEST)  # a short run has room for one less
         self.length = 2 * min(DOUBLED, max(2, self.steps // SHARE))
         self.free = self.steps - self.length
         self.part = self.free / (windows - 1)
@@ -264,7 +264,8 @@ class Windows:
     def _again(self, w: _Window, solver: StepSolver) -> list[FloatArray]:
         """Differences (n,) of the unknowns after each step of a window that is taken again with
         twice the step; none where that fails. slope: second rates at its start, from which the
-        integrator's history for steps of 2h is made."""
+        integrator's history for steps of 2h is made; memory: of the step solver, which can begin at
+        another state (moved) where it `restarts`; w.taken: states of the run after these steps."""
         scene, layout = self.run.scene, solver.layout
         h, slope = 2.0 * scene.time.step, np.zeros(layout.size)
         if w.before is not None:  # over one step of the run, 0.5 h

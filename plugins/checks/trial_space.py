@@ -139,8 +139,10 @@ class TrialSpaces(Check):
 
     def before_steps(self, run: PreparedRun, again: PreparedRun | None) -> Findings:
         """Trial spaces of all reduced blocks, and warnings about projection errors above the limit;
-        nothing where the scene skips the check. Raises InputError (key `check_trial_space`), with
-        all such errors, if the scene's option is `refuse`."""
+        nothing where the scene skips the check. again: a run of the same training with other values
+        of parameters, whose findings hold for equal atoms; superposed: states under any functions
+        of time are sums of trained ones. Raises InputError (key `check_trial_space`), with all such
+        errors, if the scene's option is `refuse`."""
         scene, bases = run.scene, run.solver.dictionaries
         if again is not None and _equal(again.header.dictionaries, bases):
             return Findings([n for n in again.notes if n.kind == TRIAL_SPACE],

@@ -44,7 +44,8 @@ class Undershoot(Check):
 
 def undershoot(model: Model, result: RunResult) -> tuple[Note, ...]:
     """Note for each body whose temperature falls below every initial, prescribed and surrounding
-    one; none if any load may cool a body further, such as a negative heat flux."""
+    one (floor); none if any load may cool a body further, such as a negative heat flux, or rates of
+    strain (_strained)."""
     if not model.separated.heat or not len(result.times):
         return ()
     floor = _floor(model, result.times)

@@ -42,6 +42,7 @@ def unlikely_units(bodies: Mapping[str, Any], extents: Mapping[str, float]) -> I
     for name, body in bodies.items():
         for key, material in _materials(body, f"bodies.{name}"):
             yield from _material(key, material)
+        # a thickness of 1 m is meant where results are those per metre of depth
         thickness, extent = body.get("thickness"), extents.get(name)
         if thickness and extent and thickness != 1.0 and thickness > THICK * extent:
             yield Note(
