@@ -350,6 +350,7 @@ class FloatingBody(Body):
             raise InputError(f"'{self.name}:{which}' is a single point of a flexible body and has "
                              "no angle: attach to a set of two or more points", key)
         try:
+            # even: weights (N,) of the mean over the facets of the set, also if its centre is given
             turns = mean_rotation(self.centre_of(which, nodes).even, self.X)
         except np.linalg.LinAlgError:
             where, what = ("are at one place", "two or more places") if self.d == 2 else (

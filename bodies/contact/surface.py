@@ -116,8 +116,9 @@ def _slopes(planes: Planes, cells: FacetCells) -> FloatArray:
 
 def cells_of(X: FloatArray, facets: IntArray, planes: Planes) -> FacetCells:
     """Cells of facets (F, d), node numbers of points X (n, d), m: the prism over each facet, whose
-    sides incline by `turns` = tan(alpha / 2) at edges where the surface turns by alpha. other (F,
-    d): neighbour at the edge opposite each corner, -1 for none. Own borders: barycentric coordinate
+    sides incline by `turns` = tan(alpha / 2) at edges where the surface turns by alpha, positive
+    where it is convex, so that cells get narrower with depth. other (F, d): neighbour at the edge
+    opposite each corner, -1 for none. Own borders: barycentric coordinate
     eta_i minus inclination times depth >= 0; in space also those of edges that a corner touches
     (`_shared`).
     """

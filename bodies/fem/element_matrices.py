@@ -244,6 +244,7 @@ def facet_quadratures(
     near_cells = np.flatnonzero(np.count_nonzero(on_facets[mesh.cells], axis=1) >= d)
     # facets of the cells near by, kind by kind, and for each wanted one its row among them
     rows, owner = cell_facets(mesh.cells[near_cells], d)
+    # rows of four corners in space, of triangles the last one twice
     wide = [np.pad(r, ((0, 0), (0, 4 - r.shape[1])), mode="edge") if d == 3 else r
             for r in (rows, facets)]
     group, first, _ = group_equal_rows(facet_keys(np.concatenate(wide)))
@@ -284,6 +285,7 @@ def _on_facet(
     xi, weights = rule(refdom, flat.degree(degree))
     sides = (corners[[1, -1] if d == 3 else [1]] - corners[0]).T  # (d, d - 1)
     points = corners[0][:, None] + sides @ xi
+    # numbers in the cell of the nodes of the facet: its corners, then those between some of them
     own = [*facet, *(i for i, c in enumerate(space.kind.further, len(space.kind.places))
                      if set(c) <= set(facet) and mesh.order == 2)]
     shapes = [space.element.lbasis(points, i) for i in space.to_ours[own]]
@@ -448,6 +450,7 @@ def elements(
     p, q = (nodes * d if vector else nodes for vector in (rows, columns))
     found = np.zeros((len(mesh.cells) if cells is None else len(cells), p, q))
     for here, space, _, values in _chunks(form, mesh, order, cells, weights):
+        # to_ours: position in scikit-fem's order of each node in the order of the mesh
         i, j = (_unknowns(space.to_ours[None], d if vector else 1)[0] for vector in (rows, columns))
         found[here, : len(i), : len(j)] = values[:, i][:, :, j]
     return found

@@ -82,8 +82,10 @@ def _about(p: Prepared, system: System, s: State, count: int) -> Buckled:
         (K + K_s + lambda K_g) phi = 0,    on the constraints
 
     K: tangent, K_s: stiffness by the stress of s; K_g: their change along the linear step to full
-    load, by central differences of K, with that of the tangent by the loads themselves. Raises
-    InputError where these are not symmetric.
+    load, by central differences of K, with that of the tangent by the loads themselves. T: of
+    `body_axes`, its changes `second` of displacements and `held` of multipliers; motion: of a
+    change of the model's unknowns, which `direction` makes of the system's, the size relative to
+    large motions. Raises InputError where these are not symmetric.
     """
     step, K = _linear(p, system, s), system.jacobian(s)
     scale = CHANGE / max(system.motion(system.direction(step)), 1e-300)

@@ -133,7 +133,9 @@ def frequencies(
     about: str = "equilibrium",
 ) -> Found:
     """The lowest `count` modes of a mechanism with constraints of its joints, damping and, with
-    spin, gyroscopic forces; temperatures do not change."""
+    spin, gyroscopic forces; temperatures do not change. lin.z: tangents in axes of the bodies,
+    where changes are T z (lin.axes), those `second` of displacements and `held` of multipliers;
+    direction: changes of the model's unknowns."""
     if not len(p.system.mechanical):
         raise InputError("no body of this scene moves or deforms: nothing can vibrate", "bodies")
     lin = linearised(p, at, spin, about)

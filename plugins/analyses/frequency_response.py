@@ -161,8 +161,9 @@ def _amplitudes_of(
 ) -> ComplexArray:
     """Complex amplitudes (o,) of outputs for an amplitude z (m,) of the unknowns at the angular
     frequency w, rad/s: their derivatives along the changes of positions and rates, real and
-    imaginary part apart, by central differences. With T of `linearised`, dx = T z and
-    dv = i w T z + T' z."""
+    imaginary part apart, by central differences. With T of `linearised` (axes: T, T', T''), dx = T
+    z and dv = i w T z + T' z, as changes of the model's unknowns (direction); motion: their size
+    relative to large motions."""
     system, state = p.system, p.system.state(lin.state)
     x = system.direction(np.asarray(lin.axes[0] @ z))
     v = system.direction(np.asarray(lin.axes[0] @ (1j * w * z) + lin.axes[1] @ z))

@@ -75,8 +75,9 @@ class Attachment(Basis):
         return "" if acts else str(refuse_nowhere(data, "attachment"))
 
     def build(self, data: BlockData) -> Dictionary:
-        """Dictionary with atoms (n, k). Raises InputError if no load moves and no temperature acts,
-        or if `dynamic` is set and the time step is unknown."""
+        """Dictionary with atoms (n, k): static responses to the loads, with `dynamic` also those of
+        the matrix of one time step (data.operator). Raises InputError if no load moves and no
+        temperature acts, or if `dynamic` is set and the time step is unknown."""
         # families: mechanical and thermal loads (n, q) with the names of their responses
         families = [f for f in self._forces(data) if f[1]]
         if not families:

@@ -48,7 +48,7 @@ class EnergyLost(Check):
     def on_start(self, run: PreparedRun, state: State, whole: bool) -> OnStep | None:
         """Function that keeps the states at `times_of_energy`; None where there is no estimate: of
         integrators of second order, without moving frames, for parts of a run (not whole), large
-        models, and runs of a kept model with other loads than its scene's (not own_loads)."""
+        models, and runs with other loads than the model's or controllers (not own_loads)."""
         model, scene = run.model, run.scene
         if not whole or model is None or not run.own_loads or scene.time.control is not None or (
                 scene.integrator.order > 1 or model.layout.frames.stop == 0

@@ -133,9 +133,10 @@ class HeatSums:
     @classmethod
     def from_run(cls, run: PreparedRun, start: State | None) -> "HeatSums | None":
         """The balance of a run from its first state; None where there is none: without heat, for
-        steps of controlled error, runs without their model, with other loads than the model's (not
-        own_loads) or resumed (`start` None), large reduced models that need residuals of steps
-        (`sampled`), and integrators that are no differences of earlier temperatures."""
+        steps of controlled error, runs without their model, with other loads than the model's or
+        controllers (not own_loads), or resumed (`start` None), large reduced models that need
+        residuals of steps (`sampled`), and integrators that are no differences of earlier
+        temperatures."""
         if (start is None or run.model is None or not run.own_loads
                 or run.scene.time.control is not None
                 or run.model.layout.first.stop == run.model.layout.first.start):

@@ -59,8 +59,8 @@ class SelectedAtoms(Check):
 
     def on_start(self, run: PreparedRun, state: State, whole: bool) -> OnStep | None:
         """Function that keeps the states to be checked, without those after `state` of a run that
-        went back; None where nothing is checked, as in runs of a kept model with other loads than
-        its scene's (not own_loads). active: masks of the selected atoms of each block."""
+        went back; None where nothing is checked, as in runs with other loads than the model's or
+        controllers (not own_loads). active: masks of the selected atoms of each block."""
         times, sampled = times_of_check(run.steps), bool(run.solver.rows)
         self._states = states = [(s, of) for s, of in self._states if s.t <= state.t]
 
