@@ -110,7 +110,8 @@ class ContactPart(Contact):
         the second body's axes, and heats (M, 2 d) on the corners of both facets.
 
         In space, where surfaces have many nodes, only nodes that are in contact at some time are
-        included (all nodes, if none is). InputError with bristles, which have a history.
+        included (all nodes, if none is). _prescribed_face: laws of the contact without conduction,
+        with more quadrature points. InputError with bristles, which have a history.
         """
         if self.bristles is not None:
             raise InputError("this law sticks, by a state of the surfaces that no motion tells: "

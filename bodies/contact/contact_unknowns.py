@@ -59,7 +59,8 @@ def picked(x: FloatArray, at: IntArray) -> FloatArray:
 @dataclass(frozen=True, slots=True, eq=False)
 class PrescribedTemperatures:
     """Prescribed temperatures of a surface, sums of shape * f(t), K: positions of nodes among its
-    nodes, f, shape (values at these nodes)."""
+    nodes, f, shape (values at these nodes). _among: those of them at some nodes, with their
+    positions among these."""
 
     prescribed: Sequence[tuple[IntArray, Amplitude, FloatArray]] = ()
 

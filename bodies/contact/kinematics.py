@@ -243,9 +243,9 @@ class Kinematics:
         Returns those of the rigid coordinates' rows (frames, frames), summed, and of the corner
         displacements' rows (P, d^2, frames). The derivative of the rigid coordinates' rows by the
         displacements is the transpose of the latter. n.f1, n.f2: numbers of rigid coordinates of
-        each body, 0 for none. f: in the second body's axes, N; arms(g) @ phi
-        = phi x g; one.by: of the rotation phi by the attitude coordinates, one.rows_by: of the
-        generalized force of a constant torque; _total(a, b): sum over points of a^T b.
+        each body, 0 for none. f: in the second body's axes, N; arms(g) @ phi = phi x g; one.by: of
+        the rotation phi by the attitude coordinates, one.rows_by: of the generalized force of a
+        constant torque; _total(a, b): sum over points of a^T b.
         """
         n, d = self.sizes, self.sizes.d
         one, two, at = self.one, self.two, i.ravel()

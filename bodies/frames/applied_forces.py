@@ -147,7 +147,8 @@ class Moment(Item):
         functionals from j on, which the rows do not depend on (tau = 0); o, k: not used.
 
         sigma (`push`): factors of the functionals s in the elastic rows; sigma_y: d sigma / dy,
-        tau: d rows / ds; torque, in body axes on the left-hand side, and torque_y: d torque / dy.
+        tau: d rows / ds, neither of which is cleared before; torque, in body axes on the left-hand
+        side, and torque_y: d torque / dy.
         """
         M, acts = self.amplitude(m.t) * self.moment, self.turns and m.elastic
         out.torque -= m.in_body(M) if self.space else M

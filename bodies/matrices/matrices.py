@@ -88,8 +88,9 @@ class FileUnits(Plugin):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Files:
-    """Content of the files in SI units, of unknowns in one order; stiffness and damping matrices
-    are those of the coordinates of `shapes`, if there are any."""
+    """Content of the files in SI units, of n unknowns in one order; mechanical, thermal: option ->
+    matrix; shapes (n, k): displacements by k generalized coordinates, of which the stiffness and
+    damping matrices then are, None without; coupling (n, N): forces by nodal temperatures."""
 
     nodes: FileNodes
     unknowns: Unknowns

@@ -125,8 +125,9 @@ def _newton(
     iterations whose steps are halved until the natural monotonicity test is met (see the module).
 
     tangent: Jacobian, and rounding of inertia forces, in a state. The end is where the last change,
-    or the one that would follow (`ahead`), is below the tolerance, or where the residual is
-    rounding (`exact`). Raises SolveFailed after `STEPS` iterations or `SHORTEST` steps.
+    or the one that would follow (`ahead`), is below the tolerance, relative to the magnitude of
+    each unknown (weight), or where the residual is rounding (`exact`). Raises SolveFailed after
+    `STEPS` iterations or `SHORTEST` steps.
     """
     size = _scale(system)[at]
     r = system.residual(s)[at] - wanted
@@ -170,7 +171,8 @@ def flow(system: System, start: State, at: IntArray) -> SolvedState:
         (J + sigma M) dx = -r,    sigma in proportion to |r|, at least `floor`
 
     _rate: the sigma of a first step of the size `TURN` (mass of the diagonal alone); _force: norm
-    of r relative to the mass; _far: largest change relative to large motions, `size`.
+    of r relative to the mass; _far: largest change relative to large motions, `size`; weight:
+    magnitude of each unknown, to which its last change is relative (length).
     """
     s, size = start, _scale(system)[at]
     M = csc_array(system.tangents(s).M)[at][:, at]

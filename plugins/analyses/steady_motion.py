@@ -58,6 +58,7 @@ def spinning(system: System, at: State, h: float) -> tuple[FloatArray, FloatArra
     for changed in (positions, np.ones_like(positions)):
         _correct(v[frames], G, changed, constraints.rate(at.x, v, at.t)[0])
     for changed in (positions, np.ones_like(positions)):
+        # second time derivative of the constraints: at zero accelerations, and by these
         curvature = constraints.curvature(at.x, v, at.t) + G @ a[frames]
         _correct(a[frames], G, changed, curvature)
     return v, a
