@@ -150,7 +150,7 @@ FAULTS: dict[str, tuple[list[tuple[str, str]], str, str, str]] = {
 
 ASSEMBLED = ("a budget that fits nothing",)
 """Faults that show in the assembled model only."""
-QUICK = [name for name in FAULTS if name not in ASSEMBLED][::3]
+QUICK = [name for name in FAULTS if name not in ASSEMBLED][::8]
 
 
 @pytest.mark.parametrize("name", [
@@ -240,6 +240,7 @@ time: {end: 1, step: 0.1}
     assert line.startswith("scene.yaml:2:1: bodies: nothing in this scene can change"), line
 
 
+@pytest.mark.full
 def test_changes_from_the_command_line_are_placed_there(changed: Changed) -> None:
     changed()
     assert refused("run", "scene.yaml", "--set", 'reducer.budgets."*.elastic".rows=500') == [
@@ -259,6 +260,7 @@ def test_places_that_cannot_be_written_to(changed: Changed) -> None:
     assert line.startswith("--resume: ") and "there is no result" in line
 
 
+@pytest.mark.full
 def test_refusal_comes_before_the_training_run(changed: Changed, tmp_path: Path) -> None:
     """Numbers that follow from the scene alone cost no training."""
     changed(("rows: 16", "rows: 160"), ("every: 2}", "every: 500}"))
@@ -283,6 +285,7 @@ def test_in_json(changed: Changed) -> None:
         assert shown["errors"] == done.lines and len(done.lines) == 1
 
 
+@pytest.mark.full
 def test_in_python(changed: Changed) -> None:
     with pytest.raises(InputError) as caught:
         load(changed((ARM, "    thickness: -0.02"), ("mass: 0.5", "mass: 0")))

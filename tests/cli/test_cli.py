@@ -181,6 +181,7 @@ def test_settings_are_applied_before_the_scene_is_checked():
     assert load("scene.yaml", {"reducer": "direct"}).dump()["reducer"] == {"use": "direct"}
 
 
+@pytest.mark.full
 def test_plugins_lists_broken_and_duplicate_ones_with_code_0(distribute):
     distribute("bad-pkg", {"toy_sampler": {"bad": "mod_bad:Bad"}}, mod_bad="import nothing_there")
     distribute("twin", {"toy_sampler": {"dice": "mod_twin:Dice"}}, mod_twin="")
@@ -232,6 +233,7 @@ def test_plugins_shows_the_whole_cause_of_a_broken_one(monkeypatch, distribute):
     assert name in last
 
 
+@pytest.mark.full
 def test_schema_and_version_are_printed():
     assert json.loads(sparsemor("schema").out)["title"] == "Scene"
     assert sparsemor("--version").out.strip() == version("sparsemor")

@@ -224,6 +224,7 @@ def test_time_histories_have_the_names_of_a_stepper(run: RunResult, tmp_path: Pa
             assert [float(row[column]) for row in table] == values[[0, 2]].tolist()
 
 
+@pytest.mark.full
 def test_netcdf_holds_all_arrays(run: RunResult, tmp_path: Path) -> None:
     xr = pytest.importorskip("xarray")
     file = export(run, tmp_path / "files", "nc", every=2).files["result"]
@@ -267,6 +268,7 @@ def test_pictures_of_a_stored_run(run: RunResult, tmp_path: Path) -> None:
     assert not (tmp_path / "no").exists()
 
 
+@pytest.mark.full
 def test_a_fixed_frame_is_where_the_scene_put_it(tmp_path: Path) -> None:
     """Its pose is no unknown, so the result keeps it beside the mesh."""
     (tmp_path / "plate.yaml").write_text("""\

@@ -190,6 +190,7 @@ def test_a_body_that_nothing_holds_falls_freely() -> None:
         assert position == pytest.approx([x, 0.05 - 9.81 * 0.1 * 0.101 / 2], abs=2e-5)
 
 
+@pytest.mark.full
 def test_a_rank_deficient_sample(distribute: Any) -> None:
     distribute("twins", {"basis": {"twins": "mod_twins:Twins"}}, mod_twins=TWINS)
     done = run(PLATE, reducer__basis="twins", reducer__residual="plain")

@@ -98,6 +98,7 @@ def test_the_format_is_the_integer_1(value: object) -> None:
     assert "the version of the format is the integer 1" in refused({"format": value})[0]
 
 
+@pytest.mark.full
 def test_a_driven_rotation_needs_the_axis_of_a_spinning_frame() -> None:
     lines = refused({"joints.drive.axis": [0, 1, 0]}, SCENES / "small_brake.yaml")
     assert lines == ["--set joints.drive.axis: in the rigid stage: the body turns about the z axis "
@@ -112,6 +113,7 @@ def test_training_has_no_reducer_to_choose(key: str) -> None:
     assert len(lines) == 1 and f"{key} has no effect on the training run" in lines[0]
 
 
+@pytest.mark.full
 def test_training_on_another_mesh_is_refused_before_it_runs() -> None:
     lines = refused({"reducer": "galerkin",
                      "training.overrides": {"bodies.bar.mesh.divisions": [4, 2]}})
@@ -159,6 +161,7 @@ def test_a_time_grid_is_refused_with_its_memory_and_time() -> None:
     assert "289 days at the least" in line and "60000 GB of memory" in line
 
 
+@pytest.mark.full
 def test_a_result_too_large_for_the_disk_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -163,6 +163,7 @@ def test_a_directory_lost_in_mid_run_ends_the_run(
         assert not Path("out/result").exists()
 
 
+@pytest.mark.full
 def test_a_file_that_is_lost_in_mid_run_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sparsemor.core.simulation.recorder.CHUNK", 5)
     lost = Path("out/result/steps-000000.npz")
@@ -192,6 +193,7 @@ def test_two_resume_at_once() -> None:
     assert_same(run, simulate(scene(), out="whole"))
 
 
+@pytest.mark.full
 def test_a_lock_of_a_process_that_is_gone_is_no_lock() -> None:
     Path("out").mkdir()
     Path("out", LOCK).touch()

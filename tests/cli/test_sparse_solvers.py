@@ -51,6 +51,7 @@ def test_every_solver_selects_in_a_scene(
     assert errors["thermal"] < 1e-2, errors
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("name", ["basis_pursuit", "basis_pursuit_lp"])
 def test_equations_that_cannot_hold_are_refused_before_the_first_step(
     name: str, cache: Cache, tmp_path: Path

@@ -22,6 +22,7 @@ def maker() -> ModuleType:
     return module
 
 
+@pytest.mark.full
 def test_the_table_is_that_of_the_stored_verdicts() -> None:
     made = maker()
     text = page_named("reproduce.md").read_text(encoding="utf-8")

@@ -9,7 +9,6 @@ from sparsemor import simulate
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state, euler_state, resolved_start
 from sparsemor.core.testing.in_memory_run import scene_of
-from tiers import quick
 
 HALF: dict[str, Any] = {"use": "generalized_alpha", "rho_inf": 0.5}
 
@@ -34,8 +33,8 @@ def welded(integrator: Any, h: float, steps: int, **more: Any) -> Any:
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("reducer", ["full", "galerkin"])
-@pytest.mark.parametrize("integrator", ["bdf2", "generalized_alpha", HALF])
+@pytest.mark.parametrize("integrator, reducer", [
+    ("bdf2", "full"), ("generalized_alpha", "galerkin"), (HALF, "full")])
 def test_steps_of_ten_seconds_end_at_the_mean_temperature(integrator: Any, reducer: str) -> None:
     """Two equal bars without losses: (393.15 + 293.15)/2 K; each is then longer by alpha dT L with
     dT = 50 K, 1e-4 m. The start has 4e7 m/s2, 2e9 m in one step: it turned frames by 1e19 rad."""
@@ -48,14 +47,15 @@ def test_steps_of_ten_seconds_end_at_the_mean_temperature(integrator: Any, reduc
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("h", [1e-2, 1e-3, 1e-4])
+@pytest.mark.parametrize("h", [1e-2, 1e-4])
 def test_shorter_steps_stay_near_the_thermal_strain(h: float) -> None:
     """A suddenly loaded undamped bar goes at most to twice its static elongation of 2e-4 m."""
     run = simulate(welded("generalized_alpha", h, 20))
     assert np.abs(run.block("a.elastic")).max() < 4.2e-4
 
 
-@pytest.mark.parametrize("integrator", quick(["bdf2", "generalized_alpha"], "generalized_alpha"))
+@pytest.mark.full
+@pytest.mark.parametrize("integrator", ["bdf2", "generalized_alpha"])
 def test_the_fall_of_a_hot_bar_keeps_its_acceleration(integrator: str) -> None:
     """-g t^2/2 for its frame, but for the motion of the clamp against the centre, below 0.1 mm per
     vibration; without accelerations at the start generalized_alpha is 4 mm off."""

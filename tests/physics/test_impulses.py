@@ -13,10 +13,10 @@ from sparsemor.integrators.bdf1 import Bdf1
 from sparsemor.integrators.bdf2 import Bdf2
 from sparsemor.integrators.generalized_alpha import GeneralizedAlpha
 from sparsemor.plugins.functions import Product, Pulse, Sine, SmoothStep, Sum, TabulatedFunction
-from tiers import quick
 
 H = 0.01
 ALPHA = {"use": "generalized_alpha", "rho_inf": 0.8}
+CONTROL = {"tolerance": 1e-3, "max_halvings": 12}
 
 
 def random_function(rng: np.random.Generator, i: int, grid: bool) -> tuple[Any, float, float]:
@@ -50,11 +50,11 @@ def delivered(integrator: Any, function: Any, steps: int) -> float:
 @pytest.mark.full
 @pytest.mark.parametrize("integrator", [Bdf1(), Bdf2(), GeneralizedAlpha(rho_inf=0.8)],
                          ids=lambda i: type(i).__name__)
-@pytest.mark.parametrize("grid", [True, False], ids=["on the grid", "off the grid"])
-def test_sixty_pulses_and_tables(integrator: Any, grid: bool) -> None:
+def test_sixty_pulses_and_tables(integrator: Any) -> None:
+    """Thirty on the grid of steps, thirty off it."""
     rng = np.random.default_rng(0)
     for i in range(60):  # tables are odd
-        made, exact, size = random_function(rng, i, grid)
+        made, exact, size = random_function(rng, i, i < 30)
         options = {k: v for k, v in made.items() if k != "use"}
         function = TabulatedFunction(**options) if i % 2 else Pulse(**options)
         assert abs(delivered(integrator, function, 130) - exact) <= 1e-12 * size
@@ -77,10 +77,9 @@ def final_velocities(functions: list[Any], integrator: Any, control: Any) -> np.
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("integrator", ["bdf1", "bdf2", ALPHA], ids=["bdf1", "bdf2", "alpha"])
-@pytest.mark.parametrize("grid", [True, False], ids=["on the grid", "off the grid"])
-@pytest.mark.parametrize("control", [None, {"tolerance": 1e-3, "max_halvings": 12}],
-                         ids=["fixed", "controlled"])
+@pytest.mark.parametrize("integrator, grid, control", [
+    ("bdf1", False, None), ("bdf2", True, None), (ALPHA, False, None), ("bdf1", True, CONTROL),
+    ("bdf2", False, CONTROL), (ALPHA, False, CONTROL)])
 def test_runs_with_pulses_and_tables(integrator: Any, grid: bool, control: Any) -> None:
     rng = np.random.default_rng(1)
     found = [random_function(rng, i, grid) for i in range(8)]
@@ -90,15 +89,7 @@ def test_runs_with_pulses_and_tables(integrator: Any, grid: bool, control: Any) 
 
 
 @pytest.mark.full
-def test_a_pulse_between_controlled_steps() -> None:
-    """cases/physics/pulsecontrol: velocity = impulse/mass, -3.4 % before."""
-    pulse = {"use": "pulse", "start": 0.101, "duration": 0.088, "level": 1.0}
-    (v,) = final_velocities([pulse], ALPHA, {"tolerance": 1e-3, "max_halvings": 12})
-    assert v == pytest.approx(0.088, rel=1e-10)
-
-
-@pytest.mark.parametrize("integrator", quick(["bdf1", "bdf2", ALPHA], "bdf2"),
-                         ids=["bdf1", "bdf2", "alpha"])
+@pytest.mark.parametrize("integrator", ["bdf1", ALPHA], ids=["bdf1", "alpha"])
 def test_heat_of_a_pulse_on_the_grid(integrator: Any) -> None:
     """cases/physics/gridpulse: its energy is flux x area x duration, and was 8.3 % less."""
     run = simulate(load({

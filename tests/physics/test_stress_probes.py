@@ -36,6 +36,7 @@ def bar(d: int, model: str | None = None, **more: Any) -> dict[str, Any]:
             "time": {"end": 2.0, "step": 0.1}, **more}
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("d", "model"), [
     (2, None), pytest.param(2, "plane_strain", marks=pytest.mark.full),
     pytest.param(3, None, marks=pytest.mark.full)])

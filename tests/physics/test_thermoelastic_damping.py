@@ -64,10 +64,9 @@ def loss(mesh: dict[str, Any], ratio: float) -> float:
     return float(-2.0 * value.real / abs(value))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("mesh", "ratio"), [
-    (PLANE, 1.0),
-    *(pytest.param(PLANE, r, marks=pytest.mark.full) for r in (0.1, 0.3, 0.5, 2.0, 3.0)),
-    *(pytest.param(SPACE, r, marks=pytest.mark.full) for r in (0.3, 1.0, 3.0))])
+    (PLANE, 0.1), (PLANE, 1.0), (PLANE, 3.0), (SPACE, 0.3), (SPACE, 1.0)])
 def test_damping_of_a_beam_follows_zener(mesh: dict[str, Any], ratio: float) -> None:
     """1/Q = Delta r / (1 + r^2) with r = omega tau, tau = rho c h^2 / (pi^2 k) (Zener 1937, doi
     10.1103/PhysRev.52.230)."""
@@ -123,8 +122,8 @@ def test_energy_is_that_which_conduction_dissipates() -> None:
 
 @pytest.mark.full
 @pytest.mark.parametrize(("reducer", "mesh"), [
-    *((r, PLANE) for r in ("galerkin", "sparse", "deim", "ecsw", "lspg", "gnat")),
-    *((r, SPACE) for r in ("galerkin", "sparse"))])
+    *((r, PLANE) for r in ("galerkin", "deim", "lspg", "gnat")),
+    *((r, SPACE) for r in ("ecsw", "sparse"))])
 def test_reduced_models(reducer: str, mesh: dict[str, Any]) -> None:
     scene = load(plucked(mesh))
     full = simulate(scene)

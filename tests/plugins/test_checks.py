@@ -29,6 +29,7 @@ def offered(distribute: Any, body: str) -> None:
     distribute("odd-pkg", {"check": {"odd": "odd_check:Own"}}, odd_check=HEAD + body)
 
 
+@pytest.mark.full
 def test_notes_and_numbers_of_a_check_are_in_the_summary(distribute: Any) -> None:
     offered(distribute, """
     def on_model(self, scene, model): return [Note("before the solver", "early")]
@@ -41,6 +42,7 @@ def test_notes_and_numbers_of_a_check_are_in_the_summary(distribute: Any) -> Non
         "early", "count", "late"]
 
 
+@pytest.mark.full
 def test_a_check_ends_a_run_at_a_step(distribute: Any) -> None:
     offered(distribute, """
     def on_start(self, run, state, whole): return self._look
@@ -53,6 +55,7 @@ def test_a_check_ends_a_run_at_a_step(distribute: Any) -> None:
     assert caught.value.status is Status.OUTSIDE_THEORY and result.summary["steps"] == 3
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("body", "said"), [
     ("    def before_steps(self, run): return 1 / 0", "raised ZeroDivisionError: division by zero"),
     ("    def before_steps(self, run): return ['no note']", "returned ('no note')"),
@@ -69,6 +72,7 @@ def test_a_check_that_fails_before_the_steps_is_one_located_line(
     assert "odd_check.py:" in text and "\n" not in text
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("body", "said"), [
     ("    def after_run(self, run, result): return {}['a']", "Own.after_run raised KeyError: 'a'"),
     full("    def after_run(self, run, result): return []", "Own.after_run returned"),

@@ -170,6 +170,7 @@ RETURNS: dict[str, tuple[dict[str, Any], str, str, str]] = {
 }
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("changes, kind, body, message", RETURNS.values(), ids=list(RETURNS))
 def test_what_a_method_returns_is_checked_where_it_arrives(
     distribute, here, changes, kind, body, message

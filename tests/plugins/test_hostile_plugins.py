@@ -240,6 +240,7 @@ SCRIBBLES = """
 """
 
 
+@pytest.mark.full
 def test_arrays_are_handed_over_read_only(distribute: Any) -> None:
     distribute("odd-pkg", {"basis": {"odd": "odd_writes:Own"}},
                odd_writes=with_base("basis", HEAD + SCRIBBLES))
@@ -273,6 +274,7 @@ class Own(BASE):
 """
 
 
+@pytest.mark.full
 def test_a_run_keeps_what_it_had_before_a_plugin_failed(distribute: Any, tmp_path: Path) -> None:
     distribute("odd-pkg", {"observer": {"odd": "odd_late:Own"}},
                odd_late=with_base("observer", HEAD.partition("class Own")[0] + LATE))

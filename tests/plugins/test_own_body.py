@@ -52,6 +52,7 @@ def test_it_imports_public_names_alone() -> None:
     assert ours == {"sparsemor.core"}
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("changes, tolerance", [
     ({}, 1e-12),
     full({"reducer": {"use": "galerkin", "basis": {"use": "pod", "energy": None}}}, 1e-9),

@@ -153,6 +153,7 @@ def test_adaptive_steps_use_its_order() -> None:
     assert run.status is Status.DONE and run.summary["control"]["largest_error"] <= 1.0
 
 
+@pytest.mark.full
 def test_what_needs_one_solve_says_so() -> None:
     with pytest.raises(InputError, match="an integrator with one solve a step"):
         simulate(load(tiny().folder / "tiny.yaml", {

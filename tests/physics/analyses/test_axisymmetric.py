@@ -47,6 +47,7 @@ def test_a_thick_cylinder_under_pressure() -> None:
         assert hoop(found, r) == pytest.approx(share * (1.0 + B**2 / r**2), rel=5e-3)
 
 
+@pytest.mark.full
 def test_a_spinning_annular_disk_and_its_reduced_model() -> None:
     spin = 800.0
     loads = {"spin": {"use": "centrifugal", "body": "disk", "spin": spin}}
@@ -79,6 +80,7 @@ def test_a_hollow_cylinder_conducts_heat_and_its_thermal_stress(tmp_path: Any) -
     assert hoop(warm, B) == pytest.approx(ALPHA * E * mean, rel=5e-3)
 
 
+@pytest.mark.full
 def test_a_disk_warms_by_the_heat_that_enters() -> None:
     lamp = {"lamp": {"use": "heat_flux", "on": ["disk:right"], "flux": 1e4}}
     run = simulate(ring(["thermal"], loads=lamp, cells=(64, 1)))

@@ -17,6 +17,7 @@ def column(strains: str, loads: object = PUSH, **options: object):  # type: igno
     return beam(height=H, width=W, cells=(20, 1), strains=strains, loads=loads, **options)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("strains", ["linear", "nonlinear", "prestressed"])
 def test_a_column_clamped_at_one_end(strains: str) -> None:
     found = solve(column(strains), "buckling", count=2)
@@ -41,6 +42,7 @@ def test_columns_with_other_ends(strains: str, ends: str, factor: float) -> None
     assert found.column("factor")[0] == pytest.approx(factor * EULER, rel=8e-3)
 
 
+@pytest.mark.full
 def test_a_rigid_strut_on_a_spring() -> None:
     """A vertical rigid bar, hinged at its foot with the rotational stiffness c, under its load P at
     the height l: P l = c; a weight that is not scaled takes its part of it."""

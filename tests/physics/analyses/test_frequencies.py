@@ -23,6 +23,7 @@ def test_a_slender_cantilever() -> None:
     assert found.result is not None and len(found.result.times) == 4
 
 
+@pytest.mark.full
 def test_rayleigh_damping_gives_the_ratios() -> None:
     still = solve(beam(), "frequencies", count=3)
     found = solve(beam(damping={"mass": 3.0, "stiffness": 1e-5}), "frequencies", count=3)

@@ -12,6 +12,7 @@ PUSH = {"push": {"use": "point_force", "on": "beam:right", "force": [0.0, -100.0
 STIFF = E * 0.02 * 0.05**3 / 12.0
 
 
+@pytest.mark.full
 def test_the_tip_of_a_cantilever() -> None:
     found = solve(beam(loads=PUSH), "static")
     shear = 6.0 / 5.0 * 2.0 * (1.0 + NU) / (E * 0.02 * 0.05)
@@ -19,6 +20,7 @@ def test_the_tip_of_a_cantilever() -> None:
         -100.0 * (1.0 / (3.0 * STIFF) + shear), rel=5e-3)
 
 
+@pytest.mark.full
 def test_reduced_static_solutions() -> None:
     full = value(solve(beam(loads=PUSH), "static"), "tip.u_y")
     basis = {"use": "modal", "count": 4, "correction": True}

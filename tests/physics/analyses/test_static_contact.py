@@ -37,6 +37,7 @@ def pressed(fields: list[str], friction: dict[str, Any] | None, lowered: float |
         "time": {"end": 1.0, "step": 0.1}, "integrator": "bdf1"})
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("friction", quick([None, RUBS], RUBS), ids=["smooth", "coulomb"])
 def test_a_rigid_column_sinks_into_the_foundation(friction: dict[str, Any] | None) -> None:
     """By p / K; friction does nothing at rest."""
@@ -45,6 +46,7 @@ def test_a_rigid_column_sinks_into_the_foundation(friction: dict[str, Any] | Non
     assert found.block("upper.rigid")[-1, 1] == pytest.approx(-PRESSURE / K, rel=1e-9)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("friction", quick([None, RUBS], RUBS), ids=["smooth", "coulomb"])
 def test_two_elastic_columns_share_their_shortening(friction: dict[str, Any] | None) -> None:
     """Lowered by u, they press with p = u / (1 / K + 2 H / E)."""

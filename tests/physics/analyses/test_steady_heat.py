@@ -30,6 +30,7 @@ def test_a_bar_that_radiates_at_its_end() -> None:
     assert 20.0 * (1500.0 - T) / 0.1 == pytest.approx(0.8 * 5.670374419e-8 * T**4, rel=1e-6)
 
 
+@pytest.mark.full
 def test_conductivity_that_depends_on_temperature() -> None:
     """Kirchhoff: between k1 at T1 and k2 at T2, linear in T, the heat flow is that of the mean."""
     ends = {"hot": {**ROOT["root"], "temperature": 500.0},
@@ -42,6 +43,7 @@ def test_conductivity_that_depends_on_temperature() -> None:
     assert flows[0] == pytest.approx(flows[1], rel=1e-6)
 
 
+@pytest.mark.full
 def test_reduced_heat() -> None:
     basis = {"use": "modal", "count": 6, "correction": True}
     full = value(solve(fin(AIR, ROOT), "steady_heat"), "tip.temperature")
@@ -49,6 +51,7 @@ def test_reduced_heat() -> None:
     assert value(reduced, "tip.temperature") == pytest.approx(full, rel=1e-9)
 
 
+@pytest.mark.full
 def test_heat_without_a_sink_is_refused() -> None:
     lamp = {"lamp": {"use": "heat_flux", "on": ["fin:top"], "flux": 10.0}}
     for reducer in ("full", {"use": "galerkin", "basis": {"use": "modal", "count": 4}}):

@@ -154,6 +154,7 @@ def test_polyhedra_approach_the_sphere_with_the_square_of_their_facets() -> None
     assert np.all(order > 1.8), order
 
 
+@pytest.mark.full
 def test_facets_do_not_matter_where_surfaces_are_flat() -> None:
     pose = history_of([[0.013, 0.02, -1e-6]], rot.about([1, 2, 0], 2e-5),
                       [0.3, 0.1, -1e-3], [0.1, -0.2, 0.3])

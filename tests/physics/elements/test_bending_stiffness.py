@@ -89,6 +89,7 @@ def test_the_block_of_the_documentation_is_noted() -> None:
     assert "order: 2" in note.text
 
 
+@pytest.mark.full
 def test_what_is_fine_enough_has_no_note() -> None:
     fine = built(**{**PLANE, "mesh": {**PLANE["mesh"], "divisions": [60, 12]}})  # type: ignore
     assert fine.notes == ()

@@ -82,6 +82,7 @@ def test_a_linear_field_given_at_the_surface_goes_on_inside(mesh: Disk | BlockMe
     np.testing.assert_allclose(solved(m, A, 0 * T, surface, start), T, rtol=1e-12)
 
 
+@pytest.mark.full
 def test_matrices_of_the_elements_have_their_closed_forms() -> None:
     """B^T C B and products of shape functions, cell by cell; their sums are the matrices."""
     mesh = Pad().build(Path())

@@ -59,6 +59,7 @@ def test_the_modulus_of_turned_axes(dimension: int, angle: float) -> None:
     np.testing.assert_allclose(run.strain("b", 0)[:, 2, 2], -across, rtol=1e-6)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_free_expansion_has_no_stress(dimension: int) -> None:
     body = bar(dimension, {**WOOD, "angle": 0.5}, initial_temperature=393.15)

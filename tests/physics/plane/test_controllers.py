@@ -202,6 +202,7 @@ def test_bad_input_is_refused(torque: Any, more: dict[str, Any], message: str) -
     assert message in str(caught.value)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("value", "message"), [
     (1.0, "a number with the numbers that it remembers"), (("much", ()), "a number with the"),
     ((1.0, (2.0,)), "a memory of 1 numbers, where one of 0"),

@@ -40,6 +40,7 @@ def test_a_torque_accelerates_a_disk_evenly() -> None:
     assert got.x[-1, 2] == pytest.approx(0.5 * 3.0 / 0.25, rel=1e-9)
 
 
+@pytest.mark.full
 def test_a_mass_on_a_spring_and_damper_follows_the_damped_oscillation() -> None:
     m, k, c, v0 = 2.0, 80.0, 3.0, 0.4
     got = run({"ball": moved(DISK, 0.5, 0.0, velocity=[v0, 0.0])},
@@ -125,6 +126,7 @@ def test_a_torsional_pendulum_in_space_swings_about_its_axis() -> None:
     assert np.abs(angle - want).max() < 2e-3
 
 
+@pytest.mark.full
 def test_a_torque_in_space_turns_a_ball_about_its_axis() -> None:
     ball = {**BALL, "inertia": [0.25, 0.25, 0.25], "center": [0.0, 0.0, 0.0]}
     axis = np.array([1.0, 2.0, -2.0]) / 3.0

@@ -87,6 +87,7 @@ def lumped(rate: Any, end: float) -> float:
     return float(found.y[0, -1])
 
 
+@pytest.mark.full
 def test_a_well_conducting_plate_cools_as_one_lump() -> None:
     """Radiation and a film on one long side; heat capacity rho c H per area."""
     loads = {"glow": {"use": "radiation", "on": ["slab:top"], "emissivity": 0.7,

@@ -14,6 +14,7 @@ ROD = {"use": "rigid", "mass": 2.0, "inertia": 0.05, "center": [0.3, 0.1],
 GRAVITY = {"gravity": {"use": "gravity", "g": [0.0, -9.81]}}
 
 
+@pytest.mark.full
 def test_imposed_motion_is_followed_and_its_force_is_the_inertia_force() -> None:
     move = {"use": "sine", "amplitude": 0.05, "frequency": 2.0}
     moving = {**ROD, "pose": {"velocity": [0.05 * 4 * np.pi, 0.0]}}

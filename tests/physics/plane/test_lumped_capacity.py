@@ -44,6 +44,7 @@ def test_lumped_capacity_holds_the_same_heat(mesh: Any) -> None:
         assert abs(b.integrals().capacity.weighted(ones) - b.capacity).max() < 1e-13 * size
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("mesh", [None, BLOCK])
 def test_lumped_capacity_does_not_undershoot(mesh: Any) -> None:
     runs = {c: march(bar(c, mesh)).block("bar.thermal") for c in ("consistent", "lumped")}
@@ -102,6 +103,7 @@ COOLING: dict[str, dict[str, Any]] = {
 }
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("name", quick(COOLING, "a cold film"))
 def test_what_may_cool_a_body_is_no_undershoot(here: Path, name: str) -> None:
     """Without the lamp: nothing but what is there to cool it."""
@@ -110,6 +112,7 @@ def test_what_may_cool_a_body_is_no_undershoot(here: Path, name: str) -> None:
     assert noted(run) == []
 
 
+@pytest.mark.full
 def test_a_cold_end_is_no_undershoot(here: Path) -> None:
     cold = {"use": "prescribed_temperature", "on": ["bar:right"], "temperature": 200.0}
     run = simulate(bar("lumped", loads={}, joints={"cold": cold}))

@@ -91,6 +91,7 @@ def test_a_wheel_on_a_pin_comes_to_rest(dimension: int) -> None:
     assert rest == pytest.approx(w * 0.02 / (mu * r * 2.0 * G), rel=0.01)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("integrator, reducer", [
     ("bdf2", "galerkin"), full("generalized_alpha", "full")])
 def test_friction_of_joint_forces_acts_from_the_start(integrator: str, reducer: str) -> None:

@@ -35,6 +35,7 @@ def slope(end: float = 0.2, *between: str, **block: Any) -> March:
     return run({"block": {**BLOCK, **block}}, {"rail": rail}, end, 2e-3, WEIGHT)
 
 
+@pytest.mark.full
 def test_a_block_slides_down_with_g_sin_and_presses_with_g_cos() -> None:
     got = slope()
     x = got.block("block.rigid")
@@ -128,6 +129,7 @@ def soft_slope(h: float = 1e-3, end: float = 0.1, integrator: Any = "bdf1", **mo
         "loads": WEIGHT, "time": {"end": end, "step": h}, "integrator": integrator, **more}
 
 
+@pytest.mark.full
 def test_a_flexible_block_slides_as_a_rigid_one_and_settles_on_its_guide() -> None:
     """Nothing acts along the guide but weight; the vibration across it dies out."""
     got = march(scene_of(soft_slope(integrator={"use": "generalized_alpha", "rho_inf": 0.8})))
@@ -171,6 +173,7 @@ def test_between_two_flexible_bodies_weight_goes_into_the_guide(
     assert names[:2] == (("force across the axis", "N"), ("moment", "N m"))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("which", quick(["ground", "flexible"], "ground"))
 def test_a_run_that_follows_its_own_motion_is_the_same_run(which: str) -> None:
     """What a rigid stage passes on: force and moment on each side."""

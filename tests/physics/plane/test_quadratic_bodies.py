@@ -59,6 +59,7 @@ def the(run: March, name: str) -> FloatingBody:
 
 # ---------------------------------------------------------------------- contracts and frames
 
+@pytest.mark.full
 def test_parts_of_a_plane_scene_keep_their_laws() -> None:
     check_parts(tiny(), trials=1)
 
@@ -68,6 +69,7 @@ def test_parts_of_a_scene_in_space_keep_their_laws() -> None:
     check_parts(in_space(), trials=1)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("d", quick([2, 3], 2))
 def test_a_rotor_blade_stretches_as_the_closed_form_says(d: int) -> None:
     """u(x) = rho w^2 (L^2 x / 2 - x^3 / 6) / E along a bar without lateral contraction."""
@@ -143,6 +145,7 @@ def kirchhoff_error(columns: int) -> float:
     return float(np.abs(20.0 * T + 0.02 * T**2 - want).max() / want.max())
 
 
+@pytest.mark.full
 def test_conductivity_that_depends_on_temperature_follows_kirchhoff() -> None:
     coarse, fine = kirchhoff_error(10), kirchhoff_error(20)
     assert fine < 1e-5 and coarse > 4.0 * fine  # linear elements: 4e-5, a ratio of 3.4

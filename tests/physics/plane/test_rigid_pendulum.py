@@ -90,6 +90,7 @@ def test_numbers_of_the_link() -> None:
     assert link() == pytest.approx((5.6287, 0.5, 0.610181), rel=1e-5)
 
 
+@pytest.mark.full
 def test_reference_gives_the_published_table() -> None:
     table = {0.5: (-63.2251, -25.9023), 1.0: (-153.4535, -146.1370), 4.0: (-158.1150, -265.7840)}
     for t, row in table.items():

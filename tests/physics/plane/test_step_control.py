@@ -169,6 +169,7 @@ def test_every_reducer_takes_controlled_steps(integrator: str) -> None:
 # --------------------------------------------------------------------------- refusals
 
 
+@pytest.mark.full
 def test_a_step_that_cannot_be_short_enough_is_named() -> None:
     with pytest.raises(SolveFailed) as caught:
         simulate(rod("bdf1", 0.02, {"tolerance": 1e-6, "max_halvings": 2}))

@@ -47,6 +47,7 @@ def test_free_expansion(model: str, factor: float, fields: list[str]) -> None:
     np.testing.assert_allclose(displacement(run, "top_right"), want, rtol=1e-9)
 
 
+@pytest.mark.full
 def test_a_linear_gradient_bends_as_the_finite_elements_do() -> None:
     """V2 with heat: the hot top and the cold bottom are held, the steady profile is linear."""
     hold = {"use": "prescribed_temperature"}

@@ -44,6 +44,7 @@ def test_a_step_too_long_is_noted_with_its_error(integrator: str, h: float) -> N
         "time error" in n for n in run.summary["information"])
 
 
+@pytest.mark.full
 def test_a_resolved_run_has_a_small_estimate_and_no_note() -> None:
     run = swing("generalized_alpha", 0.005, 0.25)
     assert 0.0 < run.summary["time_error"]["b.rigid"] < 0.003
@@ -65,6 +66,7 @@ def test_energy_that_implicit_euler_takes_is_noted_within_a_third() -> None:
     assert "energy_lost" in run.summary["note_kinds"]
 
 
+@pytest.mark.full
 def test_a_fall_loses_the_energy_of_one_step_in_as_many() -> None:
     """Implicit Euler falls with the exact speed, n h g, and h/2 of it too far at each step: 1/n of
     the kinetic energy, half of what the same accelerations cost a vibration."""

@@ -117,6 +117,7 @@ def test_a_rigid_rod_in_two_halves(seed: int) -> None:
     assert worst[0] < 1e-4 and worst[1] < max(0.6 * worst[0], 1e-9), worst
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("seed", SEEDS)
 def test_time_reversal(seed: int) -> None:
     """The trapezoidal rule (rho_inf 1) takes a chain of rods back to its start."""

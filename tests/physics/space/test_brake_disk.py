@@ -146,13 +146,12 @@ def test_heat_balance(coarse: RunResult) -> None:
     assert n == 12
 
 
-@pytest.mark.parametrize("refine", [0.5, 1.5])
-def test_one_override_makes_the_mesh_finer(refine: float) -> None:
+def test_one_override_makes_the_mesh_coarser() -> None:
     """The load stays: it is a force, not a pressure on an area that the mesh decides."""
-    body: Any = load("brake_disk", {"bodies.disk.mesh.refine": refine}).bodies["disk"]
+    body: Any = load("brake_disk", {"bodies.disk.mesh.refine": 0.5}).bodies["disk"]
 
     mesh = body.mesh.build(Path())
-    assert len(mesh.cells) == pytest.approx(10344 * refine**3, rel=0.1)
+    assert len(mesh.cells) == pytest.approx(10344 * 0.5**3, rel=0.1)
     assert len(outer_facets(mesh)) > 0
 
 

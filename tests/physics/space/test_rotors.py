@@ -58,6 +58,7 @@ def whirls(A: FloatArray) -> list[float]:
     return found
 
 
+@pytest.mark.full
 def test_a_rigid_rotor_splits_into_forward_and_backward_whirls() -> None:
     rates = np.array(whirls(equations()))
     assert sorted(np.sign(rates)) == [-1.0, -1.0, 1.0, 1.0]
