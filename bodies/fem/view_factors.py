@@ -180,8 +180,9 @@ def _edge(a: FloatArray, b: FloatArray, normal: FloatArray) -> FloatArray:
 def _visible(
     facets: Facets, patch: IntArray, S: FloatArray, sums: FloatArray, seed: int
 ) -> FloatArray:
-    """Share (P, P) of the rays between two patches that no other facet stops; systematic samples of
-    pairs of facets in proportion to S."""
+    """Share (P, P) of the rays between two patches that no other facet stops, of `RAYS` for each
+    pair of patches; systematic samples of pairs of facets in proportion to S. S (n, n), sums (P,
+    P): exchange areas of facets and of patches without shadows; patch (n,): of each facet."""
     members = [np.flatnonzero(patch == p) for p in range(len(sums))]
     found, rng = np.ones(sums.shape), np.random.default_rng(seed)
     for p in range(len(sums)):

@@ -194,8 +194,7 @@ class StoredHeat(PointwiseLaw):
         past = self.c.integral(T_0)
         change, gain = self.c.integral(T) - past, 1.0
         if earlier == 2 and self.peak and step.begins:
-            # (H - H_0)/h - c_0 T' with the whole content H = c_0 T + e: conserved, as T' is not
-            # that of e here
+            # BDF1 of the whole content H = c_0 T + e, less c_0 T' of the constant capacity matrix
             c_0 = self.c.reference
             return Response([self.rho / h * (change + c_0 * (T - T_0 - h * rate))],
                             {(0, 0): self.rho / h * (c + c_0), (0, 1): -self.rho * c_0})
@@ -224,7 +223,7 @@ class Softening(StressLaw):
     E: Departure
     law: Law
     d: int
-    linear: ClassVar[bool] = True
+    linear: ClassVar[bool] = True  # in the displacements
 
     @property
     def reads(self) -> Sequence[Variable]:
@@ -286,7 +285,7 @@ class Expansion(StressLaw):
     reference: float
     d: int
     reads: ClassVar[Sequence[Variable]] = (TEMPERATURE,)
-    linear: ClassVar[bool] = True
+    linear: ClassVar[bool] = True  # in the displacements
 
     @property
     def tests(self) -> Sequence[Variable]:

@@ -177,7 +177,7 @@ def _damped(c: Constrained, count: int, first: ComplexModes) -> ComplexModes:
         y = inverse(-(c.D @ r1) - c.M @ (s * r1 + r2))
         return np.concatenate([y, r1 + s * y])
 
-    wanted = 2 * (count + int(first.rigid.sum())) + 2
+    wanted = 2 * (count + int(first.rigid.sum())) + 2  # each with its conjugate, rigid ones twice
     if 2 * n <= 2 * DENSE or 3 * wanted >= 2 * n:
         found, vectors = linalg.eig(step(np.eye(2 * n)))
     else:
@@ -194,6 +194,7 @@ def _damped(c: Constrained, count: int, first: ComplexModes) -> ComplexModes:
     # without infinite lambda of massless unknowns, whose phi^H M phi is rounding
     kept = (size > 1e-9 * np.abs(shapes).max(axis=0)) if len(size) else size > 0.0
     values, shapes = values[kept], shapes[:, kept] / size[kept]
+    # lambda = 0 is a double eigenvalue, of large rounding, then rounding of real and imaginary ones
     rigid = np.abs(values) <= np.where(_rigid(c.K, shapes), 1e-3, 1e-5) * s
     values = np.where(rigid, 0.0, values)
     real = np.abs(values.imag) <= 1e-9 * np.abs(values)
