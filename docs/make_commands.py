@@ -13,7 +13,7 @@ from typer.main import get_command
 import sparsemor
 import sparsemor.core
 from sparsemor.core.cli import app
-from sparsemor.core.cli.commands import GROUP, OWN
+from sparsemor.core.cli.commands import GROUP
 from sparsemor.core.registry.registry import Registry
 
 FOLDER = Path(__file__).with_name("reference")
@@ -39,7 +39,7 @@ def pages() -> dict[str, str]:
     context = program.context_class(program, info_name="sparsemor")
     added = [p.name for p in Registry().names(GROUP) if p.distribution == "sparsemor"]
     parts = [COMMANDS]
-    for name in [*OWN, *added]:
+    for name in added:
         command = program.get_command(context, name)
         made = command.context_class(command, context, name, help_option_names=["-h", "--help"])
         parts.append("\n".join(_command(command, made)))

@@ -8,9 +8,9 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from sparsemor.core.registry.option_types import type_in_words
 from sparsemor.core.registry.registry import PluginName, Registry
 from sparsemor.core.scene.scene import Scene
+from sparsemor.plugins.commands.option_types import type_in_words
 
 KINDS = {
     "body": "bodies.NAME", "material": "material of a flexible body",

@@ -1,10 +1,12 @@
 """Mesh from a file."""
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import psutil
 from pydantic import Field
 
 from sparsemor.bodies.fem.quadratic_cells import with_midpoints
@@ -29,7 +31,6 @@ from sparsemor.core.model.facets import (
     rows_among,
 )
 from sparsemor.core.protocols.cells import KINDS, by_kind, padded
-from sparsemor.core.simulation.memory.limits import bounded_address_space
 
 FORMATS = {
     ".msh": "gmsh", ".inp": "abaqus", ".vtk": "vtk", ".vtu": "vtu", ".bdf": "nastran",
@@ -100,7 +101,7 @@ def _read(full: Path, written: str) -> Content:
             f"there is no file '{written}'; paths start at the folder of the scene", "path"
         )
     try:
-        with bounded_address_space(BASE + PER_BYTE * full.stat().st_size):
+        with _bounded_address_space(BASE + PER_BYTE * full.stat().st_size):
             data = full.read_bytes()
             content = OWN[kind](data, written) if kind in OWN else by_meshio.read(full, kind)
             different = difference(kind, data, content.counts())
@@ -113,6 +114,26 @@ def _read(full: Path, written: str) -> Content:
     if different:
         raise InputError(f"'{written}': {different}: it is damaged, or misread", "path")
     return content
+
+
+@contextmanager
+def _bounded_address_space(extra: int) -> Iterator[None]:
+    """Context that limits the address space of this process to its present size and `extra` bytes:
+    larger allocations raise MemoryError. Without effect on systems that have no such limit."""
+    try:
+        import resource
+
+        size = int(psutil.Process().memory_info().vms)
+        before = resource.getrlimit(resource.RLIMIT_AS)
+        limits = [size + extra, *(v for v in before if v != resource.RLIM_INFINITY)]
+        resource.setrlimit(resource.RLIMIT_AS, (min(limits), before[1]))
+    except (ImportError, OSError, ValueError):
+        yield
+        return
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, before)
 
 
 def _reason(error: BaseException, full: Path, written: str) -> str:

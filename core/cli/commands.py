@@ -1,5 +1,6 @@
-"""Commands of the program: those of core, and those that distributions offer by entry points of the
-group `sparsemor.command`.
+"""Commands of the program, which distributions offer by entry points of the group
+`sparsemor.command`. Where two offer one name, that of another distribution than sparsemor is called
+`package:name`.
 
 A command is a function that typer takes as one. It is imported when it is called or the help lists
 it.
@@ -7,7 +8,6 @@ it.
 
 from collections.abc import Callable
 from functools import wraps
-from importlib import import_module
 from inspect import getdoc
 from typing import Any
 
@@ -20,23 +20,16 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry
 
 GROUP = "command"
-OWN = ("run",)
-"""Core's commands, whose names nobody else can take: functions of the modules of core/cli that are
-called like them."""
 
 
 class Commands(TyperGroup):
-    """The commands of core and those of entry points."""
+    """The commands of entry points."""
 
     def list_commands(self, ctx: Any) -> list[str]:
         registry = Registry()
-        offered = (registry.spelling(p) for p in registry.names(GROUP) if p.name not in OWN)
-        return [*OWN, *offered]
+        return [registry.spelling(p) for p in registry.names(GROUP)]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        if cmd_name in OWN:
-            module = import_module(f"sparsemor.core.cli.{cmd_name}")
-            return _made(cmd_name, vars(module)[cmd_name])
         return _found(cmd_name) if Registry().has(GROUP, cmd_name) else None
 
 
@@ -58,10 +51,7 @@ def _found(name: str) -> Any:
 
 
 def function_of(registry: Registry, name: str) -> Callable[..., Any]:
-    """Function of a command. Raises InputError if it cannot be imported or is none, or if core has
-    a command of this name."""
-    if name.rpartition(":")[2] in OWN:
-        raise InputError(f"sparsemor's own command is called {name!r}")
+    """Function of a command. Raises InputError if it cannot be imported or is none."""
     loaded = registry.load(GROUP, name)
     if not callable(loaded) or not getdoc(loaded) or isinstance(loaded, type):
         raise InputError(f"command {name!r} is no function with a docstring, which is its help: "

@@ -18,11 +18,11 @@ from typing import Annotated, Any, TextIO, TypeVar
 import typer
 
 from sparsemor.core.cli.completion import scene_names, settings, stored_runs
-from sparsemor.core.cli.prepared_models import format_of
 from sparsemor.core.errors import Damaged, Fault, InputError
 from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.validation_errors import shown
 from sparsemor.core.results.files.written_files import add_to_listing, require_ours
+from sparsemor.core.results.model_file.first_line import is_model_file
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.scene.overrides import parse_settings
 from sparsemor.core.scene.scene import Scene, load
@@ -90,7 +90,7 @@ def check_new_file(file: Path, replace: bool) -> None:
 def load_with(scene: str, settings: Sequence[str] | None) -> Scene:
     """Loads a scene file or a packaged scene, with the changes of `--set`. Raises
     `LocatedError`."""
-    if format_of(scene) is not None:
+    if is_model_file(Path(scene)):
         text = f"{scene}: is a reduced model, which `sparsemor run` takes; give its scene here"
         raise LocatedError([Fault("", text)], [text])
     with located_in_settings():

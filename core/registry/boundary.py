@@ -216,10 +216,12 @@ def naming_plugins() -> Iterator[None]:
 
 
 def _fault_of(error: BaseException) -> PluginError | None:
-    """Fault of the plugin whose code an exception comes from; None if none has its part in it."""
-    frame = _third_party(error.__traceback__) or next(
-        (f for f in reversed(_frames(error.__traceback__))
-         if f.module.startswith(_PLUGIN_FOLDERS)), None)
+    """Fault of the plugin whose code an exception comes from; None if none has its part in it, and
+    for files and streams that our own code cannot read or write."""
+    frame = _third_party(error.__traceback__)
+    if frame is None and not isinstance(error, OSError):
+        frame = next((f for f in reversed(_frames(error.__traceback__))
+                      if f.module.startswith(_PLUGIN_FOLDERS)), None)
     return None if frame is None else _fault(
         frame.module, _owner(frame.module), frame.code.co_qualname, _message_of(error), frame.place)
 

@@ -38,8 +38,8 @@ class Slot:
     kind: str
 
     MARK: ClassVar[str] = "x-sparsemor-slot"
-    """JSON-schema key that marks the option for `core.scene.json_schema`, which inserts the schemas
-    of the plugins."""
+    """JSON-schema key that marks the option for `sparsemor schema`, which inserts the schemas of
+    the plugins."""
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler

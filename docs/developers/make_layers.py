@@ -18,7 +18,7 @@ ROLE = {
     "model/": "assembled equations, layout of unknowns, initial state",
     "results/": "result store, reader, error norms",
     "simulation/": "training, cache, time loop, checks before and after a run",
-    "cli/": "the program, its command run, options and exit codes of all commands",
+    "cli/": "the program, options and exit codes of its commands",
     "testing/": "law kit: checks of plugins for their authors",
 }
 """Folders of core -> their content."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols.layout import FieldKind
-from sparsemor.core.results.error_norms import LIMIT, Errors, measure_titles
+from sparsemor.core.results.error_norms import LIMIT
 from sparsemor.core.status import Status
 from sparsemor.plugins.charts.style import (
     LIMIT_COLOUR,
@@ -21,6 +21,7 @@ from sparsemor.plugins.charts.style import (
     style_of,
     time_panels,
 )
+from sparsemor.plugins.comparison.error_norms import Errors, measure_titles
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

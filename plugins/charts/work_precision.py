@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sparsemor.core.protocols.layout import FieldKind, Quantity
-from sparsemor.core.results.error_norms import LIMIT, measure_titles
+from sparsemor.core.results.error_norms import LIMIT
 from sparsemor.core.status import Status
 from sparsemor.plugins.charts.style import (
     COLUMN,
@@ -25,6 +25,7 @@ from sparsemor.plugins.charts.style import (
     style_of,
     tidy,
 )
+from sparsemor.plugins.comparison.error_norms import measure_titles
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -9,7 +9,6 @@ from typing import Annotated
 
 import typer
 
-from sparsemor.core.cli.commands import OWN
 from sparsemor.core.cli.options_and_exit_codes import located_in, path_of
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry, suggestions
@@ -43,8 +42,6 @@ def new_plugin(
     directory = out or Path(f"sparsemor-{name.replace('_', '-')}")
     files = package_files(name, kind)
     taken = [p.origin for p in Registry().names(kind) if p.name == name]
-    if kind == "command" and name in OWN:
-        taken.append("sparsemor")
     if taken:
         offer = "offers" if len(taken) == 1 else "offer"
         raise InputError(f"NAME: {' and '.join(taken)} {offer} a {kind} called {name!r} "

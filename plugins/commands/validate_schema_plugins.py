@@ -25,12 +25,11 @@ from sparsemor.core.cli.options_and_exit_codes import (
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.registry.contracts import CONTRACTS, chosen, required, shape
-from sparsemor.core.registry.option_types import type_in_words
 from sparsemor.core.registry.registry import PluginName, Registry, suggestions
 from sparsemor.core.scene.source import Source
+from sparsemor.plugins.commands.option_types import type_in_words
 
-NO_CLASS = ("charts", "choice", "command", "error_norm", "paper", "prepared_model", "scene",
-            "study")
+NO_CLASS = ("charts", "choice", "command", "error_norm", "paper", "scene", "study")
 """Plugin kinds whose entry points refer to objects, functions and files."""
 
 
@@ -58,7 +57,7 @@ def validate(scene: SceneName, settings: Settings = None, as_json: Json = False)
 
 def schema() -> None:
     """Print the JSON schema of scene files, with the plugins installed here."""
-    from sparsemor.core.scene.json_schema import scene_schema
+    from sparsemor.plugins.commands.json_schema import scene_schema
 
     with exit_codes(as_json=True):
         print_json(scene_schema())

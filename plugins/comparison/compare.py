@@ -9,14 +9,7 @@ from typing import Any, Protocol
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry
-from sparsemor.core.results.error_norms import (
-    LIMIT,
-    START_UP,
-    Errors,
-    further_norms,
-    measure_errors,
-    measure_names,
-)
+from sparsemor.core.results.error_norms import LIMIT
 from sparsemor.core.results.files.written_files import publishing
 from sparsemor.core.results.json_data import to_json
 from sparsemor.core.results.output_directory import COMPARISON
@@ -31,6 +24,13 @@ from sparsemor.plugins.comparison.cost import (
     gains,
     pays_after,
     run_facts,
+)
+from sparsemor.plugins.comparison.error_norms import (
+    START_UP,
+    Errors,
+    further_norms,
+    measure_errors,
+    measure_names,
 )
 from sparsemor.plugins.comparison.training_span import end_of_training, training_lines
 

@@ -20,8 +20,8 @@ from pydantic import create_model
 
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.plugin import Plugin
-from sparsemor.core.results.error_norms import measure_errors
 from sparsemor.core.results.run_result import RunResult, open_result
+from sparsemor.plugins.comparison.error_norms import measure_errors
 
 Value: TypeAlias = float | str | bool | None
 Known: TypeAlias = Mapping[str, Value]

@@ -11,13 +11,13 @@ from pydantic import Field
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.layout import Quantity as Unknown
-from sparsemor.core.results.error_norms import common_steps
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.expressions import Expression
 from sparsemor.core.scene.overrides import split as key_parts
 from sparsemor.plugins.charts.fields import values_of
 from sparsemor.plugins.charts.time_histories import rate_of
 from sparsemor.plugins.comparison.cost import run_facts
+from sparsemor.plugins.comparison.error_norms import common_steps
 from sparsemor.plugins.liang2026.computing_time_split import split_of
 from sparsemor.plugins.liang2026.item_functions import (
     Known,

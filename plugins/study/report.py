@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sparsemor.core.results.error_norms import LIMIT, measure_names
+from sparsemor.core.results.error_norms import LIMIT
 from sparsemor.core.results.tables import CONSTANT, MARK, marked, text_table
 from sparsemor.core.scene.html import html_text
 from sparsemor.core.status import Status
+from sparsemor.plugins.comparison.error_norms import measure_names
 from sparsemor.plugins.study.axes import LABEL
 from sparsemor.plugins.study.plan import Drawing, StudyPlan
 from sparsemor.plugins.study.table_columns import ERROR, LATE, OF_CHARTS, SERIES, label
@@ -19,8 +20,8 @@ from sparsemor.plugins.study.table_columns import ERROR, LATE, OF_CHARTS, SERIES
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from sparsemor.core.results.error_norms import Errors
     from sparsemor.plugins.charts.work_precision import WorkPoint
+    from sparsemor.plugins.comparison.error_norms import Errors
 
 SHOWN = 60
 """Maximum number of rows of the text table; the files contain all rows."""
@@ -205,7 +206,7 @@ def over_time(
     Of runs that differ only in the seed: the first that stopped early, otherwise the one with the
     largest combined error.
     """
-    from sparsemor.core.results.error_norms import Errors
+    from sparsemor.plugins.comparison.error_norms import Errors
 
     chosen: dict[str, Mapping[str, Any]] = {}
     for row in rows:

@@ -10,9 +10,9 @@ import numpy as np
 
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.layout import FieldKind
-from sparsemor.core.results.error_norms import Errors, measure_errors, measure_names
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.plugins.comparison.cost import RunFacts, pays_after, run_facts
+from sparsemor.plugins.comparison.error_norms import Errors, measure_errors, measure_names
 from sparsemor.plugins.study.quantities import QuantityOfInterest
 
 OUTCOME = ("reducer", "status", "message", "reference_status", "above_limit")

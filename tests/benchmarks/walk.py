@@ -23,7 +23,7 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = ("core", "bodies", "integrators", "reducers", "plugins")
-COMMAND = ("core/cli/run.py", "run")
+COMMAND = ("plugins/commands/run.py", "run")
 """File and function of the command."""
 BOUNDARY = "core/registry/boundary.py"
 PARTS = ("<genexpr>", "<lambda>", "<listcomp>", "<dictcomp>", "<setcomp>")

@@ -5,8 +5,8 @@ from typing import Any
 import jsonschema
 import pytest
 
-from sparsemor.core.scene.json_schema import scene_schema
 from sparsemor.core.scene.scene import load
+from sparsemor.plugins.commands.json_schema import scene_schema
 
 pytestmark = pytest.mark.full
 

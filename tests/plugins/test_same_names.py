@@ -10,10 +10,10 @@ from typer.testing import CliRunner
 from sparsemor.core.cli import app
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry
-from sparsemor.core.scene.json_schema import scene_schema
 from sparsemor.core.scene.scene import load
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.simulation.validation import checked_model
+from sparsemor.plugins.commands.json_schema import scene_schema
 
 TINY = Path(__file__).parents[1] / "scenes" / "tiny.yaml"
 OTHER = """

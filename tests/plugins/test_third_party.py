@@ -31,7 +31,7 @@ def command(third_party: Path, *arguments: str) -> subprocess.CompletedProcess[s
 def test_both_are_listed_and_the_broken_one_with_its_cause(third_party):
     done = command(third_party, "plugins", "sampler", "--json")
     assert (done.returncode, done.stderr) == (0, "")
-    found = {p["name"]: p for p in json.loads(done.stdout)["plugins"]}
+    found = {p["use"]: p for p in json.loads(done.stdout)["plugins"]}
     assert found["every_nth"]["distribution"] == "sparsemor-sample"
     assert found["every_nth"]["version"] == "0.3.0"
     assert found["every_nth"]["options"][0]["doc"].startswith("First row")
@@ -50,7 +50,7 @@ def test_the_listing_has_what_a_package_of_one_integrator_replaces(third_party):
 
 def test_the_schema_completes_it_and_leaves_the_broken_one_out(third_party):
     schema = json.loads(run(third_party, "-c", (
-        "import json; from sparsemor.core.scene.json_schema import scene_schema; "
+        "import json; from sparsemor.plugins.commands.json_schema import scene_schema; "
         "print(json.dumps(scene_schema()))")).stdout)
     names = {c["const"] for c in schema["$defs"]["slot.sampler"]["anyOf"] if "const" in c}
     assert "every_nth" in names and "broken" not in names
@@ -98,10 +98,10 @@ def test_a_broken_command_says_so_in_one_line_and_hides_no_other(third_party):
     shown = command(third_party, "--help").stdout
     assert all(f"│ {name} " in shown for name in ("run", "reproduce", "span", "broken"))
     assert "BROKEN: " in shown and shown.count("│ run ") == 1
-    found = {p["name"]: p for p in json.loads(
+    found = {p["use"]: p for p in json.loads(
         command(third_party, "plugins", "command", "--json").stdout)["plugins"]}
     assert "No module named" in found["broken"]["broken"]
-    assert found["run"]["broken"] == "sparsemor's own command is called 'run'"
+    assert not found["run"]["broken"] and found["run"]["distribution"] == "sparsemor"
     assert found["span"]["doc"].startswith("Print the largest") and not found["span"]["broken"]
 
 

@@ -16,8 +16,8 @@ MODULES = {f"sparsemor.core.{name}" for name in (
     "protocols.time_function",
     "registry.returned_values", "results.error_norms", "scene.expressions", "scene.option_tree",
     "simulation.cache", "simulation.memory.estimate", "simulation.memory.limits",
-    "simulation.time_stepping")}
-"""Modules of core for some plugins, which docs/reference/modules.md lists."""
+    "simulation.time_stepping")} | {"sparsemor.plugins.comparison.error_norms"}
+"""Modules for some plugins, which docs/reference/modules.md lists."""
 PUBLIC = {"sparsemor", "sparsemor.bodies", "sparsemor.core", "sparsemor.core.testing",
           "sparsemor.reducers", *MODULES}
 

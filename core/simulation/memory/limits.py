@@ -2,8 +2,6 @@
 
 import os
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,26 +35,6 @@ def peak() -> int:
 def resident() -> int:
     """Resident memory of this process, bytes."""
     return int(psutil.Process().memory_info().rss)
-
-
-@contextmanager
-def bounded_address_space(extra: int) -> Iterator[None]:
-    """Context that limits the address space of this process to its present size and `extra` bytes:
-    larger allocations raise MemoryError. Without effect on systems that have no such limit."""
-    try:
-        import resource
-
-        size = int(psutil.Process().memory_info().vms)
-        before = resource.getrlimit(resource.RLIMIT_AS)
-        limits = [size + extra, *(v for v in before if v != resource.RLIM_INFINITY)]
-        resource.setrlimit(resource.RLIMIT_AS, (min(limits), before[1]))
-    except (ImportError, OSError, ValueError):
-        yield
-        return
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_AS, before)
 
 
 def ceiling() -> int:

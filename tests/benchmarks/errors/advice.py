@@ -35,7 +35,6 @@ import numpy as np
 from sparsemor import Scene, advise, load, simulate
 from sparsemor.core.model.assembly import BodyCache
 from sparsemor.core.registry.hooks import new_manager
-from sparsemor.core.results.error_norms import measure_errors
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.offline import step_count
@@ -43,6 +42,7 @@ from sparsemor.core.simulation.stages_before_steps import prepared_run
 from sparsemor.core.simulation.step_control import step_of
 from sparsemor.core.simulation.time_stepping import iterate, started
 from sparsemor.core.status import SolveFailed
+from sparsemor.plugins.comparison.error_norms import measure_errors
 
 TOLERANCES = (1e-2, 1e-3, 1e-4)
 FIELDS = ("rigid", "elastic", "thermal")

@@ -22,12 +22,12 @@ from typing import Any
 import numpy as np
 
 from sparsemor.core.errors import InputError
-from sparsemor.core.results.error_norms import Errors, measure_errors
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.status import SolveFailed
 from sparsemor.plugins.comparison.command import variants
+from sparsemor.plugins.comparison.error_norms import Errors, measure_errors
 
 HALF, OTHER = "to half the time", "with another load"
 OUTSIDE = "run under another load"

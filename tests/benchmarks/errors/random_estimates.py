@@ -29,13 +29,13 @@ from typing import Any
 import numpy as np
 
 from sparsemor.core.errors import InputError
-from sparsemor.core.results.error_norms import measure_errors
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.error_record import ErrorRecord
 from sparsemor.core.simulation.run_steps import RunSteps
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.status import SolveFailed
 from sparsemor.core.testing.in_memory_run import scene_of
+from sparsemor.plugins.comparison.error_norms import measure_errors
 
 LEAST, LOW, HIGH = 1e-6, 0.5, 10.0
 FOUR = {"use": "pod", "count": 4}

@@ -9,13 +9,13 @@ import numpy as np
 from modules import report
 
 from sparsemor.core.errors import InputError
-from sparsemor.core.results.error_norms import Errors
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.status import SolveFailed
 from sparsemor.plugins.comparison.compare import measure_errors
 from sparsemor.plugins.comparison.cost import run_facts
+from sparsemor.plugins.comparison.error_norms import Errors
 
 STOPPED = 1e300
 """Stands for the error of a run that stopped before there was one."""

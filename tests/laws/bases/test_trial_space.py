@@ -10,12 +10,12 @@ from scipy.sparse import csr_array
 from small_scenes import tiny
 from sparsemor import load, simulate
 from sparsemor.core import Dictionary
-from sparsemor.core.results.error_norms import measure_errors
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.plugins.checks.trial_space import trial_spaces
+from sparsemor.plugins.comparison.error_norms import measure_errors
 from sparsemor.reducers.errors_at_states import StateError
 from sparsemor.reducers.projection.projected_error import projected_error, projection_note
 from tiers import quick

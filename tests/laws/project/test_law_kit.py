@@ -110,7 +110,6 @@ def made(kind: str, name: str) -> Any:
 
 def test_every_kind_has_laws() -> None:
     others = {"mesh", "reducer", "scene", "study", "paper", "command", "charts", "choice",
-              "prepared_model",
               *SCENE_KINDS}
     assert set(Registry().kinds()) <= set(LAWS) | others
 

@@ -9,9 +9,9 @@ import pytest
 
 from sparsemor import advise, load, simulate
 from sparsemor.core.notes import Note
-from sparsemor.core.results.error_norms import measure_errors
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.cache import Cache
+from sparsemor.plugins.comparison.error_norms import measure_errors
 
 EXAMPLES = Path(__file__).parents[3] / "docs" / "examples"
 COARSE = {"bodies.link1.mesh.elements": 320, "bodies.link2.mesh.elements": 320,

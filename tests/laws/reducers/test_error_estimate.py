@@ -18,7 +18,6 @@ from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.protocols.integrator import new_state, step_formula
 from sparsemor.core.protocols.layout import Block, FieldKind, Layout
 from sparsemor.core.results.checkpoint import Saved
-from sparsemor.core.results.error_norms import measure_errors
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.error_record import ErrorRecord
 from sparsemor.core.simulation.simulate import simulate
@@ -28,6 +27,7 @@ from sparsemor.integrators.bdf2 import Bdf2
 from sparsemor.integrators.generalized_alpha import GeneralizedAlpha
 from sparsemor.plugins.charts.error_over_time import error_over_time_figure
 from sparsemor.plugins.comparison.compare import compare
+from sparsemor.plugins.comparison.error_norms import measure_errors
 from sparsemor.reducers.estimation import (
     coupled_errors,
     error_space,

@@ -12,12 +12,12 @@ import pytest
 from sparsemor.core import Dictionary
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.layout import Block, Layout
-from sparsemor.core.results.error_norms import common_steps, measure_errors
 from sparsemor.core.results.run_result import RunResult, open_result
 from sparsemor.core.status import Status
 from sparsemor.plugins.charts import FORMATS, write_run_charts
 from sparsemor.plugins.charts.fields import magnification
 from sparsemor.plugins.comparison.compare import Comparison, compare, installed_charts
+from sparsemor.plugins.comparison.error_norms import common_steps, measure_errors
 from written_runs import (
     ALL,
     ELASTIC,

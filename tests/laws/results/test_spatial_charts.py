@@ -14,7 +14,6 @@ from sparsemor.core.model.facets import outer_facets
 from sparsemor.core.protocols.layout import Block
 from sparsemor.core.protocols.mesh import Mesh
 from sparsemor.core.protocols.poses import angle_between
-from sparsemor.core.results.error_norms import measure_errors
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.plugins.charts import view_in_space, write_run_charts
@@ -31,6 +30,7 @@ from sparsemor.plugins.charts.time_histories import (
     turning,
 )
 from sparsemor.plugins.charts.view_in_space import VIEWS, BodySurface, front_facing, paint, rendered
+from sparsemor.plugins.comparison.error_norms import measure_errors
 from written_runs import TIMES, write_run
 
 SCENE = """\

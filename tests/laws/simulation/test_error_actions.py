@@ -14,7 +14,6 @@ from small_scenes import tiny
 from sparsemor.core import hookimpl
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.step_solver import StepBlock
-from sparsemor.core.results.error_norms import Errors, measure_errors
 from sparsemor.core.results.run_result import RunResult, open_result
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.simulate import simulate
@@ -22,6 +21,7 @@ from sparsemor.core.simulation.time_stepping import FixedStep, iterate
 from sparsemor.core.simulation.validation import checked_model
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.plugins.comparison.compare import compare
+from sparsemor.plugins.comparison.error_norms import Errors, measure_errors
 from sparsemor.plugins.kept_models.reduced_model import reduce
 
 SEGMENTS, STEPS = 8, 64

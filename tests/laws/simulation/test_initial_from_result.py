@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from sparsemor import InputError, load, simulate
-from sparsemor.core.results.error_norms import measure_errors
 from sparsemor.core.results.run_result import RunResult
+from sparsemor.plugins.comparison.error_norms import measure_errors
 
 pytestmark = pytest.mark.full
 SCENES = Path(__file__).parents[2] / "scenes"

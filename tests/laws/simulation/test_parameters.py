@@ -11,7 +11,6 @@ import pytest
 
 from small_scenes import tiny
 from sparsemor import InputError, ReducedModel, load, load_model, parameter_test, reduce, simulate
-from sparsemor.core.results.error_norms import measure_errors
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.parameters_and_training_points import Parameter, corners, latin_hypercube
 from sparsemor.core.scene.scene import Scene
@@ -20,6 +19,7 @@ from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.offline_cache import Products
 from sparsemor.core.status import SolveFailed
 from sparsemor.plugins.advice.greedy_training_points import estimated_error, greedy_points
+from sparsemor.plugins.comparison.error_norms import measure_errors
 from sparsemor.plugins.study.plan import StudyPlan
 
 FLUX, ANGLE = "loads.heating.flux", "bodies.bar.pose.angle"

@@ -8,12 +8,12 @@ import pytest
 
 from small_scenes import tiny
 from sparsemor import InputError, reduce, simulate
-from sparsemor.core.results.error_norms import measure_errors
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation import training
 from sparsemor.core.simulation.training import training_steps
 from sparsemor.core.status import SolveFailed, Status
 from sparsemor.plugins.checks.loads_and_training import unvaried_loads
+from sparsemor.plugins.comparison.error_norms import measure_errors
 
 FLUX, PUSH = "loads.heating.flux", "loads.push.factor"
 LOADS = {

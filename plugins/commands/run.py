@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -23,11 +23,14 @@ from sparsemor.core.cli.options_and_exit_codes import (
     progress,
     warn,
 )
-from sparsemor.core.cli.prepared_models import PreparedModel, format_of
 from sparsemor.core.errors import InputError
 from sparsemor.core.notes import folded
 from sparsemor.core.results.error_norms import LIMIT
+from sparsemor.core.results.model_file.first_line import is_model_file
 from sparsemor.core.scene.overrides import parse_settings
+
+if TYPE_CHECKING:
+    from sparsemor.plugins.kept_models.reduced_model import ReducedModel
 
 Out = Annotated[Path | None, out_option("runs/SCENE-REDUCER")]
 
@@ -67,13 +70,14 @@ def run(
         inform(folded({"": summary.get("information", ())}, owners))
 
 
-def _kept(scene: str, resume: bool) -> PreparedModel | None:
+def _kept(scene: str, resume: bool) -> "ReducedModel | None":
     """The reduced model in a file; None for a scene. Raises LocatedError."""
-    files = format_of(scene)
-    if files is None:
+    if not is_model_file(Path(scene)):
         return None
+    from sparsemor.plugins.kept_models.reduced_model import load_model
+
     with located_in():
-        model = files.load_model(scene)
+        model = load_model(scene)
         if resume:
             raise InputError("a run of a kept model is not resumed: run it again", "resume")
     return model
