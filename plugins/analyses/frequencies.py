@@ -75,9 +75,8 @@ def about_state(p: Prepared, state: State) -> LinearisedSystem:
     axes = body_axes(layout, state)
     z = in_body_axes(p.system.tangents(state), axes)
     second, held = kept_rows(layout)
-    if np.abs(state.v).max(initial=0.0) > 0.0:
-        frames = layout.frames
-        rate = float(np.abs(state.v[frames]).max())
+    rate = float(np.abs(state.v[layout.frames]).max(initial=0.0))
+    if rate > 0.0:
         dt = LATER / rate
         x = _later(p, state, dt)
         other = rates(p, True)(replace(state, t=state.t + dt, x=x))

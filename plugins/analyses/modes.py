@@ -178,7 +178,7 @@ def _damped(c: Constrained, count: int, first: ComplexModes) -> ComplexModes:
         return np.concatenate([y, r1 + s * y])
 
     wanted = 2 * (count + int(first.rigid.sum())) + 2  # each with its conjugate, rigid ones twice
-    if 2 * n <= 2 * DENSE or 3 * wanted >= 2 * n:
+    if n <= DENSE or 3 * wanted >= 2 * n:
         found, vectors = linalg.eig(step(np.eye(2 * n)))
     else:
         start = np.concatenate([first.shapes.real.sum(axis=1), s * first.shapes.real.sum(axis=1)])

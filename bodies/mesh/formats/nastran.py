@@ -335,7 +335,7 @@ def _fields(line: int, text: str) -> tuple[str, list[str], str, str]:
     """Name (capitals, "" on a continuation), data fields, and the marks ahead and behind, by which
     a continuation belongs to its card. Free form: fields between commas; else columns of 8 letters,
     or with * after the name four of 16 (wide)."""
-    if "," in text[:10] or (text.count(",") >= 2 and "," in text):
+    if "," in text[:10] or text.count(",") >= 2:
         words = [w.strip() for w in text.split(",")]
         head, data = words[0], words[1:]
         wide = head.endswith("*")
