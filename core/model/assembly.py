@@ -59,6 +59,7 @@ class BodyCache:
         for options, body in known:
             if options == plugin:
                 return body
+        # the flexible body of a rigid copy: the same options but for `fields`
         whole = next((b for options, b in known if without_fields(options) == plugin), None)
         body = (None if whole is None else whole.rigid_copy()) or plugin.build(name, base)
         known.append((plugin, body))

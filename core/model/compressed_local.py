@@ -34,8 +34,8 @@ class CompressedLocal(DelegatingTerm):
     def jacobian(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> FloatArray:
-        """Projected Jacobian. Where the rate factors c1, c2 (k,) differ from atom to atom, it is
-        the sum of three Jacobians: by x, by v and by a."""
+        """Projected Jacobian left @ J @ atoms (`_seen`). Where the rate factors c1, c2 (k,) differ
+        from atom to atom, it is the sum of three Jacobians: by x, by v and by a."""
         T = self.atoms
         full = self.offset + T @ x, T @ v, T @ a, t
         k1, k2 = self._spread(c1), self._spread(c2)

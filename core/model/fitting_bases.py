@@ -41,7 +41,7 @@ def fitted_bases(model: AssembledModel, reducer: Reducer) -> FittedBases:
             rest = shared.fitting(model.block_data(name))
             if rest is not None:
                 found[name], partly[name] = rest, why
-            elif not isinstance(shared, type(default)):
+            elif not isinstance(shared, type(default)):  # not the default by itself
                 lacking[name] = why
     # a shared basis that fits no block at all is refused later, with its own reason
     if lacking and all(

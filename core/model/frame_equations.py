@@ -175,7 +175,8 @@ def frame_term(
     layout: Layout, body: BodyRecord, record: FrameRecord
 ) -> AssembledTerm[FrameEquations]:
     """Residual term of a single force, constraint or inertia that acts on a body's floating
-    frame: `FrameEquations` with rows and columns at the unknowns that it reads or acts on."""
+    frame: `FrameEquations` with rows and columns at the unknowns that it reads or acts on: inputs
+    y = Y x + y0, s = D x, forms x.Q_g x; rows L rows(y, s, ..) + W sigma + sum_g kappa_g V_g x .."""
     frame = body.kernel((record.item,))
     rigid, el, lam = frame_rows(layout, record)
     other, pose = layout.numbers(record.reads), len(body.pose)

@@ -80,7 +80,8 @@ class Followed(PrescribedQuantities):
         return self.stage.frames[name] if name in self.stage.moves else None
 
     def reactions(self, name: str, joint: Joint) -> Table | None:
-        # multipliers where the joint does not pass on others; (T, columns)
+        # (T, columns): what the joint computed from its multipliers (`Joint.reactions_passed_on`),
+        # else the multipliers themselves
         forces = self.stage.reactions_passed_on.get(name, self.stage.reactions.get(name))
         return None if forces is None else Table(self.stage.times, forces)
 

@@ -193,7 +193,7 @@ class BlockwiseSolver(StepSolver[Memory]):
             iterations = max(iterations, n)
         if self.system.bodies:
             status, iterations, block, detail = self.mechanics_solver.solve(step, now, memory)
-            if self.iterative:
+            if self.iterative:  # a linear solver of an elastic block: its iterations are counted
                 for name, count in memory.work.equations.iterations.items():
                     memory.add_linear_iterations(name, count)
             if not status.ok:
@@ -207,10 +207,10 @@ class BlockwiseSolver(StepSolver[Memory]):
         """Solution of one thermal block, or of several that are coupled (group `name` of the
         unknowns `at`), added to the prediction `now`; returns status, number of iterations and
         details. Full-order groups (`full_heat`) are solved by the Newton loop, reduced ones by
-        their `HeatBlock`."""
+        their `HeatBlock`, whose `active` are the numbers of the active atoms, None for all."""
         equations = self.full_heat.get(name)
         block = self.heat[name] if equations is None else None
-        if block is not None and isinstance(at, slice):
+        if block is not None and isinstance(at, slice):  # coupled blocks keep all atoms active
             now.drop_inactive_temperatures(at, block.active)
         if (block or self.full_heat[name]).elements:  # it has local terms, such as radiation
             last = memory.newest[at]
@@ -220,6 +220,7 @@ class BlockwiseSolver(StepSolver[Memory]):
                 now.add_temperatures(at, None, last - now.x[at])
         if block is None:
             return self._solve_heat_by_loop(name, at, now, memory)
+        # linear: iterations of a linear solver; remaining: estimated error left by the iteration
         d, status, n, linear, detail, remaining, jacobian = block.solve(
             now.x[at], now.v[at], now.a[at], now.step.t, now.step.c2_first, memory.jacobian(name))
         now.remaining = max(now.remaining, remaining)
@@ -357,8 +358,9 @@ def stepper(
     """Block-wise step solver from reduced or full-order blocks, with the elements that one step
     visits.
 
-    layout: of the unknowns of the step; heat: group -> thermal block; tol: of the iteration;
-    factorizations: number made so far; limits: largest permitted |coefficient| of each block.
+    layout: of the unknowns of the step; rows: sampled rows of each block; heat: group -> thermal
+    block; tol: of the iteration; factorizations: number made so far; limits: largest permitted
+    |coefficient| of each block; facts: block -> numbers to report.
     points: number of past states to extrapolate; operators: projected elastic operators, for
     consistent initial rates; visited: elements of each thermal block's local terms, where these are
     not those of `heat`, whose keys are groups of coupled blocks.

@@ -80,7 +80,8 @@ def _accelerations(
     motion: float, forces: FloatArray,
 ) -> tuple[FloatArray, Sequence[_Body], bool]:
     """Rigid accelerations and multipliers z (n,), by equations linearised at the multipliers in
-    `forces` (n,), whose leading entries, those of rigid coordinates, are zero; the equations of
+    `forces` (n,), whose leading entries, those of rigid coordinates, are zero; T (b, n),
+    `to_border`, makes the border unknowns of a body of them. Returned with z are the equations of
     each body (`_Body`); True if these are not linear up to the result. operators, motion: as in
     `consistent_start`."""
     nr = mechanics.n_rigid
@@ -157,6 +158,7 @@ def _linear(
     p), and sigma (b + 1, p), whose last row are the factors of the p directions in the elastic
     equations and whose others are their derivatives by the border unknowns."""
     origin, rate, _ = body.border_motion(state.t)
+    # y, v (b,) have rigid coordinates and zeros for joint forces, which are added here
     prescribed_forces = body.to_border @ forces  # (b,): on this body, in the entries from d on
     y, v = _border(mechanics, body, state.x, origin), _border(mechanics, body, state.v, rate)
     c2 = 1.0 / mechanics.h**2  # large enough that masses are not lost against centrifugal terms
@@ -230,12 +232,12 @@ def _elastic_rows(
         + local terms,    E: `directions`, G_g: `generators`, C_T: `coupling`.
     """
     c, cv = state.x[body.elastic], state.v[body.elastic]
-    kappa, mu = w.coefficients[:-1].reshape(2, -1)
+    kappa, mu = w.coefficients[:-1].reshape(2, -1)  # the last is 1, the factor of mass a
     r = ops.stiffness @ c + ops.damping @ cv + ops.constant + ops.directions @ w.sigma[-1]
     r = r + np.tensordot(kappa, ops.generators, 1) @ c + np.tensordot(mu, ops.generators, 1) @ cv
     if ops.coupling.size:
         r = r - ops.coupling @ state.x[body.thermal]
-    r = plus_loads(r, ops, state.t, -1.0)
+    r = plus_loads(r, ops, state.t, -1.0)  # - loads(t)
     if ops.local:
         x, v = (np.concatenate((s[body.elastic], s[body.thermal])) for s in (state.x, state.v))
         r = r + sum(part.rows(x, v, np.zeros(len(x)), state.t) for part in ops.local)

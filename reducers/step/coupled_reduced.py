@@ -113,6 +113,7 @@ class ReducedGeneral(WholeStepper):
         return WholeStepper.start(self, state)
 
     def alone(self) -> Mapping[str, FloatArray]:
+        """Elastic block -> (k, 2 k): response to changes of its r1 and r2, all others fixed."""
         return self.equations.alone()
 
     def response(self, step: StepFormula, x: FloatArray) -> FloatArray:

@@ -125,7 +125,7 @@ class PrescribedFactors:
     @classmethod
     def table(cls, step: BodyStep, body: MovingBody, ahead: bool = True) -> TimeTable:
         """The factors as functions of time; if `ahead`, tabulated at the times of the prescribed
-        motion or of the loads."""
+        motion or of the loads, else evaluated when they are needed."""
         times = np.zeros(0)
         if ahead and body.guide is not None:
             times = body.guide.times

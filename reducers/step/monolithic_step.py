@@ -126,7 +126,7 @@ class WholeStepper(StepSolver[WholeMemory]):
             memory.equations = self.equations.working(memory)
         equations, past = memory.equations, memory.past
         guess = past.ring.predict(memory.order)[: past.n]
-        d = step.steer(guess - step.free)
+        d = step.steer(guess - step.free)  # quaternions: near their free motion, not its opposite
         equations.begin(step, d)
         ended = self.loop.solve(equations, step, d, memory.kept, past.newest)
         memory.factorizations = memory.kept.factorizations

@@ -259,7 +259,7 @@ class Loop:
         last state `newest` where the equations cannot be evaluated there. kept: Jacobian from
         earlier steps, changed in place; eq.price: cost of a new one in iterations, 1 for a new one
         in each step, 0 for one in each iteration."""
-        if not len(self.names):
+        if not len(self.names):  # names of blocks: there are no unknowns
             return Ended(d, Status.DONE, 1)
         if (solved := eq.solution(d)) is not None:
             return Ended(solved, Status.DONE, 1)
@@ -293,8 +293,9 @@ class Loop:
     def solution(
         self, eq: StepEquations, kept: KeptJacobian, r: FloatArray, L: FloatArray | None = None
     ) -> FloatArray:
-        """L J^-1 L^T r (n,); J is the identity but for the unknowns `solved`, and L (q, 4, 4) that
-        but for quaternions; None where nothing has turned."""
+        """L J^-1 L^T r (n,); J is the identity but for the unknowns `solved`, and L that but for
+        the q quaternions, which L (q, 4, 4) turns from the attitude at which J was evaluated to
+        the present one; None where nothing has turned."""
         factor, at, quaternions = kept.factor, eq.solved, self.attitudes
         assert factor is not None
         if L is not None:

@@ -64,7 +64,8 @@ class PrescribedBody:
     ) -> None:
         """step: the body, with the range of its displacements; operators: its operators times the
         left inverse of its own; factors: [kappa, mu, sigma] (T, 2 g + p); rows: range of its rows
-        in the model; table: [kappa, mu, base] (T, 2 g + k), if it is known already."""
+        in the model; table: [kappa, mu, base] (T, 2 g + k), if it is known already. leading: number
+        of leading (soft) modes in which the Jacobian differs from the identity."""
         self.step, self.at, self.rows = step, step.elastic, rows
         self.generators, k = operators.generators, operators.mass.shape[1]
         self.G = np.ascontiguousarray(operators.generators.transpose(0, 2, 1))
@@ -100,7 +101,8 @@ class PrescribedBody:
     def begin(self, step: StepFormula, d: FloatArray, r: FloatArray) -> None:
         """Takes over the constants of a step; adds the terms of time alone, and the rotation at the
         first guess d (n,) of the departure, to r. The rotation is sum_g G_g (kappa_g u + mu_g u'),
-        with u = free + d and u' = free_rate + c1 d."""
+        with u = free + d and u' = free_rate + c1 d; turning: range of the g with nonzero factors.
+        weights (g,) = kappa + c1 mu: factors of G_g in the derivative by d."""
         g, at, table = len(self.G), self.at, self.table.at(step.t)  # [kappa, mu, base]
         r[self.rows] += table[2 * g :]
         factors = table[: 2 * g].reshape(2, g)

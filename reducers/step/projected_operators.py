@@ -104,6 +104,7 @@ class ProjectedLocal:
         m = len(local.rows)
         placed = test(csr_array((np.ones(m), (local.rows, np.arange(m))), shape=(n, m)))
         left = np.ascontiguousarray(placed.toarray() if issparse(placed) else placed)
+        # True: the term depends on temperatures alone (`of_temperature`)
         return cls(local.term.compress(Trial(basis, offset), left), bool(thermal.all()))
 
     def through(self, test: TestMap, m: int) -> "ProjectedLocal":

@@ -180,8 +180,9 @@ class Stack:
     ) -> None:
         """Evaluates the frames for unknowns with rates X (3, n + 1) and border unknowns Y (3, B b)
         of all stacks at t, s; with derivatives for dv = c1 dx, da = c2 dx if `rates` (c1, c2) are
-        given. o: first of the b border unknowns that a frame uses; sizes: numbers of displacements.
-        """
+        given. o: first of the b border unknowns that a frame uses; sizes: numbers of displacements;
+        w.fresh: True if `evaluate` is to fill in derivatives; `exact` adds those that are quadratic
+        in displacements."""
         B, b, g, k = len(self.bodies), self.b, self.g, self.k
         c1, c2 = rates or (0.0, 0.0)
         Y = Y[:, self.span].reshape(3, B, b) + self.origin
@@ -289,6 +290,7 @@ class Reduced(WholeEquations):
         self.identity: IntArray | slice = self.atoms  # else bristles are between them
         if sum(at.stop - at.start for at in solved) < self.atoms.stop - self.atoms.start:
             self.identity = np.r_[np.zeros(0, np.int64), *solved]
+        # known: terms of temperatures alone, evaluated once in a step; iterated: in each iteration
         self.terms_in_heat = any(_inside(c.columns, first) for c in coupled)
         self.known = [c for c in coupled if heat_first and _all_inside(c.columns, first)]
         self.iterated = [c for c in coupled if c not in self.known]
@@ -301,6 +303,7 @@ class Reduced(WholeEquations):
             for b, table in zip(own, tables or [None] * len(own), strict=True)
             if b.operators is not None and b.factors is not None]
         self.stacks = self._stacks(bodies if len(border) else ())
+        # linear: a step is base + d + rotation of prescribed frames, without frames and terms
         self.linear = heat_first and bool(self.prescribed_bodies) and not (
             self.iterated or self.known)
         self.solved = self._solved()
@@ -349,7 +352,8 @@ class Reduced(WholeEquations):
     def linear_system(self) -> LinearSystem:
         """The equations as constant matrices (`StepSolver.linear_system`). Raises InputError with
         the reason where they are not linear with constant matrices."""
-        # bodies with kappa or mu, which multiply displacements
+        # bodies with kappa or mu, which multiply displacements; on a fixed frame (without guide)
+        # only loads that stiffen a body have matrices G
         moving = [b.at for b in self.prescribed_bodies
                   if len(b.table.times) or b.table.at(0.0)[: 2 * len(b.G)].any()
                   or (len(b.G) and b.step.guide is None)]
@@ -559,6 +563,7 @@ class Reduced(WholeEquations):
                 r[rows] += A.dot(X[0, columns])
         rates = (self.step.c1, self.step.c2) if slope else None
         r = self._with_terms(r, X, self.step.t, self.iterated, rates)
+        # state whose derivatives the frames have, for the Jacobian; none if they have not
         self.frames_at = X[0, :-1] if slope else _NONE
         return r
 

@@ -29,6 +29,7 @@ class RunMemory(StepMemory):
 
     @property
     def restarts(self) -> bool:
+        """True: `moved` can begin a step at any state, as adaptive time stepping requires."""
         return True
 
     def moved(self, x: FloatArray) -> None:

@@ -189,7 +189,8 @@ class CompressedHeat:
     ) -> HeatOutcome:
         """Increment (s,) of the active temperatures of a step from the prediction T (k,) with its
         rate and second difference `bend`: of linear blocks by_rate T' + by_value T + prescribed(t),
-        else by iteration of the local terms. kept: Jacobian of an earlier step."""
+        else by iteration of the local terms. kept: Jacobian of an earlier step; by_active_columns:
+        by_rate and by_value where few atoms are active, whose columns alone are multiplied."""
         if self.by_active_columns is None:
             base = times(self.by_rate, rate)
             base += times(self.by_value, T)
