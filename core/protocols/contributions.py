@@ -269,7 +269,7 @@ class Equations:
         block = self.layout.of(body, Quantity.DISPLACEMENT)
         n = 0 if block is None else block.size
         P = np.zeros((n, 0)) if directions is None else directions
-        self._records.frames.append(FrameRecord(
+        self._records.frames.append(FrameRecord(  # over_steps: loads are means over the steps
             self.origin, body, self.over_steps(item), P, multipliers, C, reads,
             tuple(generators)))
 

@@ -73,7 +73,7 @@ def _options_at(annotation: Any, path: Path) -> list[str] | None:
         return _options_at(fields[str(path[0])].annotation, path[1:])
     arguments = get_args(annotation)
     is_container = get_origin(annotation) in (dict, list, tuple, Mapping, Sequence)
-    for inner in arguments[::-1]:
+    for inner in arguments[::-1]:  # of a mapping the type of values, which comes last, first
         found = _options_at(inner, path[1:] if is_container else path)
         if found is not None:
             return found

@@ -50,6 +50,7 @@ def fits(value: object, hint: Any, exact: bool = True) -> bool:
         return True
     if hint is float or hint is int:
         number = Real if hint is float else Integral
+        # value[()]: the number in an array without axes
         plain = value[()] if not exact and isinstance(value, np.ndarray) else value
         return isinstance(plain, number) and not isinstance(plain, bool)
     if hint is bool:

@@ -159,6 +159,7 @@ class OutputDirectory:
                     begun = own_files(self.path)
                     if not begun.results:
                         remove(begun, self.path)
+                    # what a failed run has stored is its result, in place of the earlier one
                     if isinstance(error, SolveFailed) and error.status is not Status.INTERRUPTED:
                         self._drop()
                 raise

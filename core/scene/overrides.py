@@ -158,7 +158,7 @@ def _set(tree: dict[str, Any], path: KeyPath, value: Any) -> KeyPath:
         node[part] = inner
         node = inner
     last = path[-1]
-    _child(node, last)
+    _child(node, last)  # raises InputError beyond the end of a list
     if last == "use" and isinstance(node, dict) and node.get("use") != value:
         node.clear()  # the options were those of another plugin
     if value is None and len(path) == 2 and path[0] in REMOVABLE:

@@ -149,7 +149,8 @@ class Extents:
 
     def sizes(self, x: FloatArray) -> FloatArray:
         """Largest displacement component, m, or temperature, K, of each block (j, blocks) of j
-        states with the unknowns x (j, n); or an upper bound of one that is small enough."""
+        states with the unknowns x (j, n); where coefficients c are small (`_bounds`), the bound
+        row |c| of atoms c in its place."""
         weights, small = self._bounds
         part = x[:, : len(weights)]
         found: FloatArray = np.sqrt((part * part) @ weights)

@@ -153,7 +153,8 @@ class Cache:
 
     def reduce(self, most: int, kind: str | None = None) -> Removal:
         """Removes the entries, or those of one kind, that were not used for the longest time until
-        the others have at most `most` bytes; all of them if that is 0."""
+        the others have at most `most` bytes; all of them if that is 0. kept: number of entries
+        that could not be removed, such as those of which files are left."""
         remove_left(self.root)
         entries = [e for e in self.entries() if kind in (None, e.kind)]
         size = sum(e.size for e in entries)

@@ -204,6 +204,7 @@ class Recorder:
         if resume:
             writer, checkpoint = ResultWriter.resume(store, scene, run.header)
             recorder = cls(run, writer, checkpoint, products)
+            # a note where the run goes on with another processor, system or BLAS
             recorder.notes = elsewhere(read_header(store)["attributes"].get("platform", {}))
             return recorder
         admit(scene, out, resume)
@@ -303,7 +304,8 @@ class Recorder:
         self._saved = time.perf_counter()
 
     def flush(self) -> None:
-        """Writes the buffered steps as one chunk, with the probes and forces at them."""
+        """Writes the buffered steps as one chunk, with the probes and forces at them. `_each`
+        evaluates functions of a range of steps i at all of them."""
         estimates = {} if self.errors is None else self.errors.stored()
         if not self._rows:
             return

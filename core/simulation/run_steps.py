@@ -110,11 +110,13 @@ class RunSteps:
         earlier: int = 0, found: Findings | None = None,
     ) -> None:
         """stats: of the steps taken so far; collector: of training snapshots, if the run makes
-        some. Of a resumed run, state, memory and statistics are those of its checkpoint.
+        some; begin, earlier, found: as in the class. Of a resumed run, state, memory and statistics
+        are those of its checkpoint.
 
         due: True when it is time for a checkpoint; seen_changes, seen_draws: numbers of changes of
-        the active atoms, and of samplings, that observers were told of; growth: watches for sudden
-        displacements, None after its one trial run.
+        the active atoms, and of samplings, that observers were told of; limits: watches for large
+        and for suddenly growing displacements; trial: True until the one trial run that looks for
+        the cause of sudden growth. undecided: True while a control decides on what is written.
         """
         scene = run.scene
         self.run, self.scene, self.solver = run, scene, run.solver

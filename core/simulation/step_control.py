@@ -107,7 +107,9 @@ class ControlMemory(StepMemory):
         self, base: StepMemory, origin: FloatArray, solver: StepSolver, initial: State
     ) -> None:
         """base: memory of `solver`, that of whole output steps; origin (n,): its initial unknowns;
-        initial: full-order initial state."""
+        initial: full-order initial state. levels, solvers: by the number k of halvings of the step;
+        level, fine: k with which the next step begins, and of the present state; the others: as in
+        the class."""
         self.levels: dict[int, StepMemory] = {0: base}
         self.solvers, self.initial = {0: solver}, initial
         self.level, self.fine, self.live = 0, 0, frozenset({0})
@@ -319,7 +321,8 @@ class ControlledSteps(AroundSteps[StepSolver]):
 
     def _after(self, part: _Part, fine: "_Try") -> tuple[State, FloatArray]:
         """State after a part, and slope of its highest rates: where loads have a kink or a jump,
-        those of the last substep, solved with the loads after it."""
+        those of the last substep, solved with the loads after it. fine.last: solver, formula and
+        memory of that substep."""
         (solver, step, inner), layout, h = fine.last, self.layout, fine.h
         second, first = layout.second, layout.first
         slope = np.zeros(layout.size)

@@ -92,6 +92,7 @@ class _Definitions:
             self._wanted.append(kind)
             others = {k: v for k, v in schema.items() if k != Slot.MARK}
             opened = {"$ref": _HERE + _slot(kind)}
+            # of a default plugin, its options without `use`, too
             default = self._options_alone(kind, schema.get("default"))
             return {**others, **({"anyOf": [opened, *default]} if default else opened)}
         linked = {k: self._linked(v, prefix) for k, v in schema.items()}

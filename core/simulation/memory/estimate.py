@@ -157,6 +157,7 @@ def _full(model: Model, exact: bool) -> list[MemoryItem]:
         solver = model.linear_solver(name)
         n = A.shape[0]
         known = solver.expected(A, model.places(name)) if exact else None
+        # twice: the factor, and as much for frontal matrices and copies; also of the matrix A below
         size = 2 * ENTRY * min(n * (n + 1) / 2, 2 * n**1.6) if known is None else known
         found.append(MemoryItem(
             f"the linear solver of {name}", size + 2 * ENTRY * A.nnz,
@@ -338,6 +339,7 @@ def _factors(scene: Scene, name: str, size: BodySize) -> list[MemoryItem]:
         if not solver.direct:
             continue
         fill = n * log2(n + 1) if size.mesh.dimension == 2 else n ** (4 / 3)
+        # twice: the factor, and as much for frontal matrices and copies
         found.append(MemoryItem(f"the factors of {block}, at least", 2 * ENTRY * fill,
                           f'linear_solvers: {{"{block}": amg}} (or cg for heat), which hold no '
                           "factors"))
