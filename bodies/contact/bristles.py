@@ -108,8 +108,8 @@ class Bristles:
         deforms: bool,
     ) -> tuple[FloatArray, FloatArray]:
         """Derivatives (P, d^2, D) of V in the rows of the corners' patches, by positions and by
-        velocities of the facets' corners; deforms: as in `Tangent.from_overlaps`, the traction may
-        jump at every border of a cell; now: N and V of the bristles.
+        velocities of the facets' corners; deforms: True if the traction may jump at every border of
+        a cell, as in `Tangent.from_overlaps`; now: N and V of the bristles.
 
         V = M / N with M = int phi p w dA = N n - F, F the nodal forces of the traction p (n - w):
         dV = (dM - V dN) / N; n: normal of the second facet, which moves if it deforms (vb). phi:
@@ -162,6 +162,7 @@ class Bristles:
         n, g = o.pairs.planes.n[q.of], o.pairs.planes.g[q.of]
         across = np.eye(d) - n[:, :, None] * n[:, None]
         own = np.einsum("mq,mqi,mqj->mij", W, q.s, q.s)
+        # piece m, point q; force at corner i along a, by the deflection at corner j along b
         rows = [-np.einsum("mij,mab->miajb", own, across)]
         if o.pairs.vb is not None:
             other = np.einsum("mq,mqi,mqj->mij", W, q.eta, q.s)

@@ -334,8 +334,9 @@ def _bent(
     """(M, 2 d^2, 2 d^2) derivative of the nodal forces for a constant traction F, which are -(eta F
     + delta (g . F) n) at the second facet's corners; rows of the first facet are zero (s F).
 
-    B, tilt: derivatives of the relative displacement y and of n by the corners (`_moves`): d eta =
-    g . y, d delta = -n . y; W (M, q): weights; q.depth = delta, of.force = F.
+    B (M, q, d, 2 d^2), tilt (M, 1, d, 2 d^2): derivatives of the relative displacement y and of n,
+    which is the same at all points, by the coordinates of the corners of both facets (`_moves`): d
+    eta = g . y, d delta = -n . y; W (M, q): weights; q.depth = delta, of.force = F.
     """
     n, g = o.pairs.planes.n[q.of], o.pairs.planes.g[q.of]
     F = W[..., None] * of.force
@@ -343,7 +344,7 @@ def _bent(
     gF, nF = (F @ g.transpose(0, 2, 1)), (F @ n[:, :, None])[..., 0]  # (M, q, d), (M, q)
     gB = g[:, None] @ B  # (M, q, d, D): d eta
     found = np.zeros((M, 2 * D, 2 * D))
-    second = found[:, D:].reshape(M, d, d, 2 * D)
+    second = found[:, D:].reshape(M, d, d, 2 * D)  # corner j, axis a of the force, column c
     second -= np.einsum("mqa,mqjc->mjac", F, gB)  # -d eta F
     nB = (n[:, None, None] @ B)[..., 0, :]
     # -d delta (g . F) n with d delta = -n . y
@@ -459,12 +460,14 @@ def _velocity(o: Overlaps, q: ContactSamples, tag: IntArray, both: bool) -> Floa
     depth, eta = o.at[q.of, :, DEPTH], o.at[q.of, :, o.eta_columns]
     bound = np.where(lifts, depth, (eta @ border[:, :, None])[:, :, 0] - depth_slope * depth)
     gradient = np.where(lifts, -n, (border[:, None] @ g)[:, 0] + depth_slope * n)
-    slope = np.linalg.norm(bound[:, :-1] - bound[:, -1:], axis=1)  # barycentric
+    # |grad(bound)| by the first d - 1 barycentric coordinates, the last is 1 less their sum
+    slope = np.linalg.norm(bound[:, :-1] - bound[:, -1:], axis=1)
     normal = gradient / slope[:, None]
     shape = (*q.p.shape, o.d**2)
     first = (q.s[..., None] * normal[:, None, None]).reshape(shape)
     if not both:
         return np.asarray(first)
+    # dy = s . da - eta . db + delta dn, with dn = -sum g (n . db)
     normal_turn = (g @ normal[:, :, None]) * n[:, None]
     second = -(q.eta[..., None] * normal[:, None, None]
                + q.depth[..., None, None] * normal_turn[:, None])

@@ -216,9 +216,11 @@ def slide(
     numbers: z (2), m; in the other body's axes unit normal `line` (2) and offset `base`, m, of the
     line; 1 where the other body's coordinates are unknowns, else 0; its coordinates (3) at rest. j:
     pair of functionals, the displacement of z; o: first coordinate of the other body; k: the
-    multiplier lambda; g: not used. sigma: factors of pairs in the elastic rows, sigma_y: d sigma /
-    dy, tau: d row = Re(conj(tau) ds); all H = d rows / dy from the potential lambda times
-    constraint.
+    multiplier lambda; g: not used. m: inputs y (own coordinates first), r = x + i y, e = exp(i
+    angle) and its conjugate ec, pairs of functionals s as complex numbers. total: force, and torque
+    + i times its derivative by the angle; the caller makes the own rows 0 to 2 of them. sigma:
+    factors of pairs in the elastic rows, sigma_y: d sigma / dy, tau: d row = Re(conj(tau) ds); all
+    H = d rows / dy from the potential lambda times constraint.
     """
     z, line, base = complex(numbers[0], numbers[1]), complex(numbers[2], numbers[3]), numbers[4]
     z, lam = z + (m.s[j] if m.elastic else 0j), m.y[k]
@@ -228,7 +230,8 @@ def slide(
         x, y, angle = m.y[o], m.y[o + 1], m.y[o + 2]
     n, rz = exp(1j * angle) * line, m.e * z
     gap, f, fb = m.r + rz - complex(x, y), lam * n, lam * m.ec * n
-    torque = z.conjugate() * fb  # the torque is its imaginary part
+    # the torque is its imaginary part, minus the real one the derivative by the own angle
+    torque = z.conjugate() * fb
     total[FORCE] += f
     total[TORQUE] -= 1j * torque
     rows, H, pull = out.rows, out.H, n.conjugate() * gap

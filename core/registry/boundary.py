@@ -118,8 +118,9 @@ def _checked(function: FunctionType, protocol: type, protocol_method: Any) -> Fu
     @wraps(function)
     def call(self: Any, *given: Any, **named: Any) -> Any:
         """The method, with arrays among its arguments read-only. What it returns must be of the
-        type `hint`, finite if so required, and pass `check`; if it is of a contract of its own, its
-        class is guarded."""
+        type `hint`, finite if so required, and pass `check`; if it is of a contract of its own
+        (`returned_protocol`), its class is guarded. takes_data: True if an argument may have
+        arrays; fits_quickly: test that accepts usual values, `unfit` decides on all others."""
         if takes_data:
             given = tuple([v if type(v) is float else read_only(v) for v in given])
             if named:

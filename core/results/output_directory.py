@@ -116,7 +116,8 @@ class OutputDirectory:
         if os.path.lexists(self.store) and not stat.S_ISDIR(os.lstat(self.store).st_mode):
             raise in_the_way(self.path, [STORE])
         try:
-            load_checkpoint(self.store)  # one that its store has lost is removed
+            # read to see that it is ours: one without its store is removed by the new run
+            load_checkpoint(self.store)
         except (SavedError, OSError):
             raise in_the_way(self.path, [checkpoint_file(self.store).name]) from None
         place = self.path

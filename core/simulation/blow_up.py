@@ -203,8 +203,8 @@ class Limits:
         return made
 
     def found(self, x: FloatArray) -> Mapping[int, tuple[Large | None, Large | None]]:
-        """Number of each step among the next ones, with the unknowns x (j, n), that may not be as
-        it is -> what is too large in it, and what has grown suddenly."""
+        """Number, from 0 on, of each of the next j steps, with the unknowns x (j, n), whose sizes
+        are suspected -> what is too large in it, and what has grown suddenly, None for neither."""
         sizes, before = self.extents.sizes(x), self._before
         self._before = [*before, *sizes[-WITHIN:]][-WITHIN:]
         if (sizes <= self._suspected).all():

@@ -168,7 +168,7 @@ def _head(stream: _Stream) -> tuple[dict[str, Any], Any, list[str], list[Any]]:
         raise ValueError(f"its head of {size} bytes is too large for it")
     text = stream.take(size)
     values = sum(map(text.count, b"[{,"))  # about their number, before the text is read
-    if values > SMALL // 32 + len(stream.payload):
+    if values > SMALL // 32 + len(stream.payload):  # one for each stored byte, and 2^15 more
         raise ValueError(f"its head of {values} values is too large for it")
     about, tree, used, heads = found = json.loads(text.decode())
     _check_plain(found, 0)
