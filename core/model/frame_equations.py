@@ -176,7 +176,7 @@ def frame_term(
 ) -> AssembledTerm[FrameEquations]:
     """Residual term of a single force, constraint or inertia that acts on a body's floating
     frame: `FrameEquations` with rows and columns at the unknowns that it reads or acts on: inputs
-    y = Y x + y0, s = D x, forms x.Q_g x; rows L rows(y, s, ..) + W sigma + sum_g kappa_g V_g x .."""
+    y = Y x + y0, s = D x, forms x.Q_g x; rows L rows(y, s, ..) + W sigma + sum kappa_g V_g x .."""
     frame = body.kernel((record.item,))
     rigid, el, lam = frame_rows(layout, record)
     other, pose = layout.numbers(record.reads), len(body.pose)
