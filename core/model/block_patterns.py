@@ -15,7 +15,7 @@ T = TypeVar("T")
 def matched_option(name: str, table: Mapping[str, T], default: T) -> T:
     """Value of the most specific pattern that matches the block name `name`: fewest wildcards, then
     longest; `default` if none matches."""
-    fits = [p for p in table if fnmatchcase(name, p)]
+    fits = [p for p in table if fnmatchcase(name, p)] if table else []
     if not fits:
         return default
     return table[min(fits, key=lambda p: (p.count("*") + p.count("?"), -len(p)))]

@@ -10,7 +10,6 @@ rad or one time step, whichever is shorter, so that the result does not depend o
 length or on the distance to the origin.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,10 +38,11 @@ def motion_step(layout: Layout, v: FloatArray, h: float) -> float:
     return min(h, ROTATION / turning) if turning > 0.0 else h
 
 
-def derivative_along_motion(function: Callable[[float], FloatArray], s: float) -> FloatArray:
-    """Derivative of `function` at 0 by central differences of sixth order in steps of s."""
-    one, two, three = (function(k * s) - function(-k * s) for k in (1, 2, 3))
-    return np.asarray((45.0 * one - 9.0 * two + three) / (60.0 * s))
+def along_motion(s: float) -> tuple[tuple[float, float], ...]:
+    """Places p and weights w of central differences of sixth order in steps of s: a function has
+    the derivative sum w f(p) at 0, exactly zero for a constant."""
+    return tuple([(sign * k * s, sign * weight / (60.0 * s))
+                  for k, weight in ((1, 45.0), (2, -9.0), (3, 1.0)) for sign in (1, -1)])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,8 +90,9 @@ class Constraints:
     def curvature(self, x: FloatArray, v: FloatArray, t: float) -> FloatArray:
         """Second time derivative g'' (l,) of the constraints at zero accelerations."""
         v = self._second(v)
-        found = derivative_along_motion(
-            lambda s: self._moving(x + s * v, v, t), motion_step(self.layout, v, self.h))
+        found = self._zero()
+        for s, weight in along_motion(motion_step(self.layout, v, self.h)):
+            found += weight * self._moving(x + s * v, v, t)
         for term in self.terms:
             mixed = self._mixed(term, x, v[term.columns], t)
             self._add(found, term, 2.0 * mixed + self._of_time(term, x, t, 2))

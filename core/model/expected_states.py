@@ -3,6 +3,7 @@ displacements."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
@@ -17,6 +18,7 @@ from sparsemor.core.protocols.separable import (
     ElasticOperators,
     HeatBody,
     MovingBody,
+    amplitudes_along,
 )
 
 COUNT = 24
@@ -67,12 +69,20 @@ def expected_states(
     for heat in model.separated.heat:
         if heat.thermal == name:
             none = np.zeros((heat.capacity.shape[0], 0))
-            temperatures, q = _temperatures(model, heat, times, step.h)
+            temperatures, q = _temperatures_once(model, heat, times, step.h)
             return ExpectedStates(temperatures, none, (), q)
     for body in model.separated.moving:
         if body.elastic == name and body.operators is not None:
             return _displacements(model, body, body.operators, times, step.h)
     raise KeyError(name)
+
+
+def _temperatures_once(
+    model: AssembledModel, heat: HeatBody, times: FloatArray, h: float
+) -> tuple[FloatArray, FloatArray]:
+    """The same as `_temperatures`, kept with the model: displacements need them, too."""
+    return model.once(("expected temperatures", heat.thermal, len(times), float(times[-1]), h),
+                      partial(_temperatures, model, heat, times, h))
 
 
 def _temperatures(
@@ -97,8 +107,9 @@ def _temperatures(
     states = [model.x0[model.layout[heat.thermal]]]
     constant_heat, loads = heat.constant + K @ states[0] - residual, list[FloatArray]()
     fine_times = np.linspace(times[0], times[-1], steps * (len(times) - 1) + 1)
-    for before, after in zip(fine_times[:-1], fine_times[1:], strict=True):
-        q = constant_heat + heat.loads @ _mean(heat.amplitudes, before, after)
+    means = _means(heat.amplitudes, fine_times)
+    for before, after, mean in zip(fine_times[:-1], fine_times[1:], means, strict=True):
+        q = constant_heat + heat.loads @ mean
         q = q + _moving(heat.tables, before, after, len(q))
         loads.append(q)
         states.append(solve_or_fail(factor, np.asarray(C_over_H @ states[-1] + q), heat.thermal))
@@ -137,13 +148,13 @@ def _displacements(
     heat = next((h for h in model.separated.heat if h.thermal == thermal), None)
     thermal_forces = np.zeros((data.size, len(times)))
     if heat is not None and ops.coupling is not None:
-        thermal_forces = np.asarray(ops.coupling @ _temperatures(model, heat, times, h)[0])
+        thermal_forces = np.asarray(ops.coupling @ _temperatures_once(model, heat, times, h)[0])
     forces = []
-    for i, (before, after) in enumerate(zip(times[:-1], times[1:], strict=True), 1):
-        f = ops.constant + ops.loads @ _mean(ops.amplitudes, before, after)
-        f = f + _moving(ops.tables, after - h, after, len(f)) + thermal_forces[:, i]
-        moves = bool(body.frame.shape_columns)  # the inertia acts through the frame
-        f = f - ops.directions @ _frame_forces(model, body, before, after, moves)
+    by_frame, means = _frame_forces(model, body, times), _means(ops.amplitudes, times)
+    for i, after in enumerate(times[1:]):
+        f = ops.constant + ops.loads @ means[i]
+        f = f + _moving(ops.tables, after - h, after, len(f)) + thermal_forces[:, i + 1]
+        f = f - ops.directions @ by_frame[i]
         # a uniform temperature of no stress: thermal forces cancel to round-off
         cancelled = np.linalg.norm(f) <= ROUND_OFF * np.linalg.norm(ops.constant)
         forces.append(np.zeros_like(f) if cancelled else f)
@@ -170,37 +181,45 @@ def _displacements(
         load_columns[:, : len(forces)])
 
 
-def _mean(amplitudes: Sequence[Amplitude], before: float, after: float) -> FloatArray:
-    """Averages (j,) of the load amplitudes over a coarse step."""
-    at = _samples(before, after)
-    return np.array([float(np.mean([f(t) for t in at])) for f in amplitudes])
+def _means(amplitudes: Sequence[Amplitude], times: FloatArray) -> FloatArray:
+    """Averages (M - 1, j) of the load amplitudes over each of the steps between times (M,), s."""
+    at = _samples(times)
+    values = amplitudes_along(amplitudes, at.ravel()).reshape(*at.shape, -1)
+    return np.asarray(values.mean(axis=1))
 
 
-def _samples(before: float, after: float) -> list[float]:
-    """Times within a coarse step, s, at which loads are evaluated."""
-    return [before + (i + 0.5) / SAMPLES * (after - before) for i in range(SAMPLES)]
+def _samples(times: FloatArray) -> FloatArray:
+    """Times (M - 1, SAMPLES) within the steps between times (M,), s, at which loads are
+    evaluated."""
+    before, after = times[:-1, None], times[1:, None]
+    return before + (np.arange(SAMPLES) + 0.5) / SAMPLES * (after - before)
 
 
-def _frame_forces(
-    model: AssembledModel, body: MovingBody, before: float, after: float, moves: bool
-) -> FloatArray:
-    """Averages (p,), over a coarse step, of the factors of a body's directions (`ElasticOperators`)
-    in its initial pose: loads that act through the floating frame. For a body that moves, their
-    change since the start: loads at the start, such as gravity, are balanced by inertia and joint
-    forces, which are not known here."""
-    frame = body.frame
+def _frame_forces(model: AssembledModel, body: MovingBody, times: FloatArray) -> FloatArray:
+    """Averages (M - 1, p), over each of the steps between times (M,), of the factors of a body's
+    directions (`ElasticOperators`) in its initial pose: loads that act through the floating frame.
+    For a body that moves (its inertia acts through the frame), their change since the start: loads
+    at the start, such as gravity, are balanced by inertia and joint forces, which are not known
+    here. A frame whose amplitudes are constant, as that of gravity, is evaluated once."""
+    frame, samples, arrays = body.frame, _samples(times), body.frame.arrays()
+    if arrays is not None:
+        gains = amplitudes_along(
+            [f for f in arrays.amplitudes if f is not None], samples.ravel())
+        samples = samples[:1, :1] if (gains == gains[0]).all() else samples
     rigid = model.layout.frames
     y = body.origin + body.to_border[:, rigid] @ model.x0[rigid]
     # at rest and without displacements: rates, functionals s and quadratic forms are zero
     zero, s, forms = np.zeros(frame.border), np.zeros((3, frame.p)), np.zeros(3 * frame.generators)
-    work, total = FrameWork(frame.p, frame.border, frame.generators), np.zeros(frame.p)
-    for t in _samples(before, after):
-        frame.evaluate(y, zero, zero, 0.0, 0.0, s, forms, t, work)
-        total += work.sigma[-1] / SAMPLES  # the last row: factors of the directions
-    if moves:
+    work = FrameWork(frame.p, frame.border, frame.generators)
+    total = np.zeros((len(samples), frame.p))
+    for one, at in zip(total, samples.tolist(), strict=True):
+        for t in at:
+            frame.evaluate(y, zero, zero, 0.0, 0.0, s, forms, t, work)
+            one += work.sigma[-1] / len(at)  # the last row: factors of the directions
+    if body.frame.shape_columns:
         frame.evaluate(y, zero, zero, 0.0, 0.0, s, forms, 0.0, work)
         total -= work.sigma[-1]
-    return total
+    return np.broadcast_to(total, (len(times) - 1, frame.p))
 
 
 def _moving(tables: Sequence[LoadTable], before: float, after: float, n: int) -> FloatArray:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from sparsemor.core.protocols.prescribed_motion import Stage
 from sparsemor.core.protocols.reducer import AssembledModel, StepFactors
 from sparsemor.core.protocols.separable import ElasticOperators, HeatBody, LoadColumn, Separated
 from sparsemor.core.protocols.term import Term
+from sparsemor.core.registry.boundary import read_only
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,7 +64,7 @@ class Model(AssembledModel):
     @property
     def terms(self) -> tuple[Term, ...]:
         """Residual terms of all bodies, joints, contacts and loads."""
-        return tuple(t for terms in self.by_part.values() for t in terms)
+        return tuple(chain.from_iterable(self.by_part.values()))
 
     def shapes(self) -> dict[str, BodyShape]:
         """Mesh and field data of each body that has a mesh."""
@@ -99,7 +101,7 @@ class Model(AssembledModel):
         return found
 
     def reducible(self) -> tuple[str, ...]:
-        return tuple(b.name for b in self.layout if b.kind.reducible)
+        return self.layout.reducible
 
     def places(self, name: str) -> DofLocations:
         """Node coordinates and components of the unknowns of an elastic or thermal block."""
@@ -124,7 +126,7 @@ class Model(AssembledModel):
         one array.
         """
         if name not in self.blocks_data:
-            self.blocks_data[name] = self._block_data(name)
+            self.blocks_data[name] = read_only(self._block_data(name))  # plugins share it
         data = self.blocks_data[name]
         if step is not None:
             data = replace(

@@ -115,13 +115,13 @@ class Layout:
     def __init__(self, blocks: Iterable[Block]) -> None:
         """Raises ValueError for two blocks, or two kinds of field, of one name."""
         given = list(blocks)
-        self.kinds = ordered(b.kind for b in given)
+        self.kinds = ordered([b.kind for b in given])
         names = [k.name for k in self.kinds]
         for name in names:
             if names.count(name) > 1:
                 raise ValueError(f"two kinds of field are named {name}")
-        self.blocks = tuple(b for kind in self.kinds for b in given
-                            if b.kind == kind and b.size > 0)
+        self.blocks = tuple([b for kind in self.kinds for b in given
+                             if b.kind == kind and b.size > 0])
         self._named: dict[str, Block] = {}
         self._slices: dict[str, slice] = {}
         self._first_of: dict[tuple[str, Quantity], Block] = {}
@@ -134,17 +134,19 @@ class Layout:
             self._first_of.setdefault((b.owner, b.kind.quantity), b)
             start += b.size
         self.size = start
-        n2 = sum(b.size for b in self.blocks if b.kind.order == 2)
-        n1 = sum(b.size for b in self.blocks if b.kind.order == 1)
+        n2 = sum([b.size for b in self.blocks if b.kind.order == 2])
+        n1 = sum([b.size for b in self.blocks if b.kind.order == 1])
         self.second, self.first = slice(0, n2), slice(n2, n2 + n1)
         self.algebraic = slice(n2 + n1, start)
-        self.quaternions = tuple(
+        self.reducible = tuple([b.name for b in self.blocks if b.kind.reducible])
+        """Names of the blocks whose unknowns may be combinations of atoms."""
+        self.quaternions = tuple([
             self._slices[name].stop - QUATERNION for name, b in self._named.items()
-            if b.kind.quantity is Quantity.POSE and b.size == FREE_POSE)
+            if b.kind.quantity is Quantity.POSE and b.size == FREE_POSE])
         """First unknown of each unit quaternion, the last four coordinates of a free frame."""
         # they come first: `ordered` has irreducible kinds before others of the same order
-        self.frames = slice(0, sum(
-            b.size for b in self.blocks if b.kind.order == 2 and not b.kind.reducible))
+        self.frames = slice(0, sum([
+            b.size for b in self.blocks if b.kind.order == 2 and not b.kind.reducible]))
 
     def parts(self) -> tuple[list[Block]]:
         """Blocks from which `of_parts` makes an equal layout."""
@@ -202,7 +204,7 @@ class Layout:
     def resized(self, sizes: Mapping[str, int]) -> "Layout":
         """Layout of a reduced model: the same blocks with new numbers of unknowns, `sizes` by block
         name."""
-        return Layout(b.resized(sizes.get(b.name, b.size)) for b in self.parts()[0])
+        return Layout([b.resized(sizes.get(b.name, b.size)) for b in self.parts()[0]])
 
 
 def joints_with_forces(layout: Layout) -> tuple[str, ...]:

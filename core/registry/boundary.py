@@ -9,13 +9,16 @@ does not call by a protocol, such as the force law of a joint.
 """
 
 import inspect
+import operator
+import re
 import traceback
 from abc import ABC
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from copy import copy
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from functools import cache, wraps
+from math import isfinite
 from types import CodeType, FunctionType, TracebackType
 from typing import Any, get_type_hints
 
@@ -30,7 +33,6 @@ from sparsemor.core.registry.installed import entry_points
 from sparsemor.core.registry.value_checks import CHECKS, EVERY_STEP, NAN_ALLOWED
 from sparsemor.core.registry.value_types import (
     NOT_FINITE,
-    is_data,
     quick_test,
     required_type,
     unfit,
@@ -38,6 +40,9 @@ from sparsemor.core.registry.value_types import (
 from sparsemor.core.status import SolveFailed
 
 _MARK = "_sparsemor_checked"
+_IMMUTABLE = frozenset({float, int, bool, str, type(None)})
+_ARRAYS = re.compile("ndarray|Array|Any|Csr|Matrix|BlockData")
+"""Types of fields, as written, that hold arrays."""
 _HUGE = 1e100
 """Magnitude of arguments from which a law may overflow."""
 _PLUGIN_FOLDERS = tuple(f"sparsemor.{f}." for f in ("bodies", "reducers", "plugins", "integrators"))
@@ -95,13 +100,13 @@ def _checked(function: FunctionType, protocol: type, protocol_method: Any) -> Fu
     check = CHECKS.get((protocol.__name__, name))
     finite = (protocol.__name__, name) not in NAN_ALLOWED
     names = list(inspect.signature(protocol_method).parameters)[1:]
-    takes_data = any(h not in (float, int, str) for h in hints.values())
+    takes_data = any([h not in (float, int, str) for h in hints.values()])
     returned_protocol = hint if is_protocol(hint) or _is_base(hint) else None
     guarded_types = set[type]()
     step_check = EVERY_STEP.get((protocol.__name__, name))
     fits_quickly = quick_test(hint, finite)
-    # of a float `CHECKS` ask no more than its type, which `fits_quickly` has tested
-    no_further_checks = returned_protocol is None and (check is None or hint is float)
+    is_number = hint is float  # of which `CHECKS` ask no more than that it is finite
+    no_further_checks = returned_protocol is None and check is None
 
     @wraps(function)
     def call_in_step(self: Any, *given: Any) -> Any:
@@ -122,15 +127,17 @@ def _checked(function: FunctionType, protocol: type, protocol_method: Any) -> Fu
         (`returned_protocol`), its class is guarded. takes_data: True if an argument may have
         arrays; fits_quickly: test that accepts usual values, `unfit` decides on all others."""
         if takes_data:
-            given = tuple([v if type(v) is float else read_only(v) for v in given])
+            given = _all_read_only(given)
             if named:
-                named = {k: read_only(v) for k, v in named.items()}
+                named = dict(zip(named, _all_read_only(named.values()), strict=True))
         try:
             value = function(self, *given, **named)
         except (InputError, SolveFailed):
             raise
         except (Exception, SystemExit) as error:
             raise _raised(error, self, function) from error
+        if is_number and type(value) is float and isfinite(value):
+            return value
         fits = fits_quickly(value)
         if fits and no_further_checks:
             return value
@@ -163,40 +170,53 @@ def _overflows(given: tuple[Any, ...]) -> bool:
 def read_only(value: Any) -> Any:
     """The value with arrays that cannot be written to, its own and those of a dataclass; the arrays
     of the caller stay as they are."""
-    if isinstance(value, np.ndarray):
-        if not value.flags.writeable:
-            return value
-        view = value.view()
-        view.setflags(write=False)
-        return view
+    return _all_read_only((value,))[0]
+
+
+def _all_read_only(values: Iterable[Any]) -> tuple[Any, ...]:
+    """`read_only` of each of the values."""
+    found = []
+    for value in values:
+        if isinstance(value, np.ndarray):
+            if value.flags.writeable:
+                value = value.view()
+                value.setflags(write=False)
+        elif type(value) not in _IMMUTABLE:
+            value = _parts_read_only(value)
+        found.append(value)
+    return tuple(found)
+
+
+def _parts_read_only(value: Any) -> Any:
+    """The matrix, or the dataclass that cannot be changed, with read-only arrays; any other value
+    as it is."""
     if isinstance(value, csr_array):
         if not value.has_canonical_format:  # scipy would sort the entries in place later
             value = value.copy()
             value.sum_duplicates()
-        parts = tuple(map(read_only, (value.data, value.indices, value.indptr)))
-        made = csr_array(parts, shape=value.shape, copy=False)
+        parts = value.data, value.indices, value.indptr
+        views = _all_read_only(parts)
+        if all(map(operator.is_, views, parts)):
+            return value
+        made = csr_array(views, shape=value.shape, copy=False)
         made.has_canonical_format = True
         return made
-    if not is_data(value) or not type(value).__dataclass_params__.frozen:
+    if not is_dataclass(type(value)) or not type(value).__dataclass_params__.frozen:
         return value
-    changed = {}
-    for name in _array_fields(type(value)):  # type: ignore[arg-type]
-        held = getattr(value, name)
-        if (made := read_only(held)) is not held:
-            changed[name] = made
-    if not changed:
-        return value
-    made = copy(value)
-    for name, held in changed.items():
-        object.__setattr__(made, name, held)
+    names = _array_fields(type(value))  # type: ignore[arg-type]
+    held = [getattr(value, name) for name in names]
+    made = value
+    for name, now, then in zip(names, _all_read_only(held), held, strict=True):
+        if now is not then:
+            made = copy(value) if made is value else made
+            object.__setattr__(made, name, now)
     return made
 
 
 @cache
 def _array_fields(cls: Any) -> tuple[str, ...]:
     """Fields of a dataclass that hold arrays, matrices or dataclasses with these."""
-    return tuple(f.name for f in fields(cls) if any(
-        word in str(f.type) for word in ("ndarray", "Array", "Any", "Csr", "Matrix", "BlockData")))
+    return tuple([f.name for f in fields(cls) if _ARRAYS.search(str(f.type))])
 
 
 # ------------------------------------------------------------------ messages

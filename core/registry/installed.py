@@ -7,6 +7,8 @@ from contextlib import suppress
 from functools import cache
 from importlib import metadata
 from importlib.util import find_spec
+from itertools import chain
+from operator import attrgetter
 
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.plugin import PREFIX
@@ -25,7 +27,7 @@ def _entry_points(path: tuple[tuple[str, int], ...]) -> tuple[metadata.EntryPoin
         for name in _offering(folder, changed):
             if name not in found:  # of several with one name, that which Python imports
                 found[name] = _own(metadata.distribution(name))
-    return tuple(sorted([e for own in found.values() for e in own], key=lambda e: e.group))
+    return tuple(sorted(chain.from_iterable(found.values()), key=attrgetter("group")))
 
 
 @cache
@@ -33,7 +35,8 @@ def _offering(folder: str, changed: int) -> tuple[str, ...]:
     """Names of the distributions in a folder that offer plugins; changed: its last change."""
     names = []
     for d in metadata.distributions(path=[folder]):
-        if _own(d):
+        # most have none: their text is searched before it is parsed
+        if PREFIX in (d.read_text("entry_points.txt") or "") and _own(d):
             with suppress(TypeError, KeyError):  # a half removed one has no metadata
                 names.append(d.name)
     return tuple(filter(None, names))

@@ -23,15 +23,9 @@ _UNNAMED = "an unnamed distribution"
 class PluginName:
     """Kind, name and distribution of an installed plugin, which is not imported yet."""
 
+    kind: str
+    name: str
     entry_point: metadata.EntryPoint
-
-    @property
-    def kind(self) -> str:
-        return self.entry_point.group.removeprefix(PREFIX)
-
-    @property
-    def name(self) -> str:
-        return self.entry_point.name
 
     @cached_property
     def distribution(self) -> str:
@@ -78,7 +72,17 @@ class Registry:
         found: dict[str, list[PluginName]] = {}
         for e in installed.entry_points() if self._replaced is None else self._replaced:
             if e.group.startswith(PREFIX):
-                found.setdefault(e.group.removeprefix(PREFIX), []).append(PluginName(e))
+                kind = e.group.removeprefix(PREFIX)
+                found.setdefault(kind, []).append(PluginName(kind, e.name, e))
+        return found
+
+    @cached_property
+    def _offers(self) -> Mapping[tuple[str, str], list[PluginName]]:
+        """Kind and plain name -> plugins of that name."""
+        found: dict[tuple[str, str], list[PluginName]] = {}
+        for kind, plugins in self._plugins.items():
+            for p in plugins:
+                found.setdefault((kind, p.name), []).append(p)
         return found
 
     def kinds(self) -> tuple[str, ...]:
@@ -166,8 +170,7 @@ class Registry:
     def _called(self, kind: str, name: str) -> list[PluginName]:
         """All plugins with this plain or qualified name."""
         package, colon, plain = name.partition(":")
-        wanted = plain if colon else name
-        offers = [p for p in self._plugins.get(kind, ()) if p.entry_point.name == wanted]
+        offers = self._offers.get((kind, plain if colon else name), [])
         if colon:
             return [p for p in offers if p.distribution
                     and canonical(p.distribution) == canonical(package)]

@@ -4,7 +4,7 @@ import sys
 import types
 import typing
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import fields
 from enum import Enum
 from functools import cache
 from math import isfinite
@@ -21,6 +21,8 @@ NOT_FINITE = "values that are not finite"
 _FLOAT = np.dtype(np.float64)
 _BY_CLASS = frozenset({int, bool, str, types.NoneType})
 """Types all of whose instances are usual values."""
+_WITH_NUMBERS = (float, np.floating, np.ndarray, Mapping, list, tuple)
+"""Types whose instances may hold numbers that are not finite."""
 _KINDS = {np.float64: "f", np.int64: "iu", np.bool_: "b"}
 
 
@@ -57,7 +59,7 @@ def fits(value: object, hint: Any, exact: bool = True) -> bool:
         return isinstance(value, bool | np.bool_)
     of, inner = get_origin(hint), get_args(hint)
     if of in (Union, types.UnionType):
-        return any(fits(value, h, exact) for h in inner)
+        return any([fits(value, h, exact) for h in inner])
     if of is Literal:
         return any(value is h or value == h and type(value) is type(h) for h in inner)
     if of is np.ndarray:
@@ -65,7 +67,7 @@ def fits(value: object, hint: Any, exact: bool = True) -> bool:
     if of is tuple and inner[-1:] != (...,):
         kind = tuple if exact else tuple | list
         return isinstance(value, kind) and len(value) == len(inner) and all(
-            fits(v, h, exact) for v, h in zip(value, inner, strict=True))
+            [fits(v, h, exact) for v, h in zip(value, inner, strict=True)])
     if of is not None and issubclass(of, Mapping):
         return isinstance(value, Mapping) and all(
             fits(k, inner[0], exact) and fits(v, inner[1], exact) for k, v in value.items())
@@ -73,11 +75,12 @@ def fits(value: object, hint: Any, exact: bool = True) -> bool:
         return callable(value)
     if of is not None and issubclass(of, Collection):
         kind = of if exact or not issubclass(of, Sequence) else tuple | list
-        return isinstance(value, kind) and all(fits(v, inner[0], exact) for v in value)
+        return isinstance(value, kind) and all([fits(v, inner[0], exact) for v in value])
     if hint is None or hint is types.NoneType:
         return value is None
     if is_protocol(hint):
-        return all(hasattr(type(value), n) or hasattr(value, n) for n in get_protocol_members(hint))
+        return _has_members(type(value), hint) or all(  # type: ignore[arg-type]
+            [hasattr(value, name) for name in get_protocol_members(hint)])
     return isinstance(value, of or hint)
 
 
@@ -110,7 +113,7 @@ def unfit(value: object, hint: Any, finite: bool = True) -> str:
 
 
 @cache
-def quick_test(hint: Any, finite: bool = True) -> Callable[[object], bool]:
+def quick_test(hint: Any, finite: bool = True) -> Callable[[Any], bool]:
     """Quick test that accepts the usual values of an annotation, such as arrays of finite floats;
     `unfit` decides on all others."""
     hint = _resolved(hint)
@@ -118,7 +121,13 @@ def quick_test(hint: Any, finite: bool = True) -> Callable[[object], bool]:
         return lambda v: type(v) is float and (isfinite(v) or not finite)
     if hint in _BY_CLASS:
         return lambda v: type(v) is hint
+    if is_protocol(hint):
+        return lambda v: _has_members(type(v), hint)  # type: ignore[arg-type]
+    if isinstance(hint, type) and not issubclass(hint, _WITH_NUMBERS):
+        return lambda v: isinstance(v, hint)
     of, inner = get_origin(hint), get_args(hint)
+    if of is Literal:
+        return lambda v: type(v) is str and v in inner
     if of is np.ndarray and get_args(inner[1])[0] is np.float64:
         # squares of large numbers are not finite, either: `unfit` decides on these
         return lambda v: type(v) is np.ndarray and v.dtype == _FLOAT and (
@@ -131,7 +140,16 @@ def quick_test(hint: Any, finite: bool = True) -> Callable[[object], bool]:
     if of is tuple and inner[-1:] != (...,):
         return lambda v: type(v) is tuple and len(v) == len(tests) and all(
             [test(part) for test, part in zip(tests, v, strict=True)])
+    if of in (tuple, Sequence) and inner[0] in _BY_CLASS:
+        return lambda v: type(v) in (tuple, list) and {*map(type, v)} <= {inner[0]}
     return lambda v: False
+
+
+@cache
+def _has_members(cls: type[Any], protocol: type[Any]) -> bool:
+    """True if a class has all members of a protocol; a member may also be an attribute of an
+    object alone."""
+    return all([hasattr(cls, name) for name in get_protocol_members(protocol)])
 
 
 def unfit_arrays(value: Any) -> str:
@@ -190,8 +208,3 @@ def required_type(hint: Any) -> str:
     if hint is None or hint is types.NoneType or hint is bool:
         return "True or False" if hint is bool else "None"
     return _with_article(getattr(of or hint, "__name__", str(hint)))
-
-
-def is_data(value: object) -> bool:
-    """True for an instance of a dataclass."""
-    return is_dataclass(value) and not isinstance(value, type)

@@ -9,7 +9,7 @@ a stopped run is continued only if it is unchanged.
 import hashlib
 import os
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
@@ -58,7 +58,7 @@ class Identity:
     @classmethod
     def from_scene(cls, scene: Scene) -> "Identity":
         """Identity of a run of this scene in the present environment."""
-        parts = list(_plugins(scene))
+        parts = _plugins(scene)
         found = {p.partition(".")[0] for part in parts for p in _modules(type(part))}
         return cls(code_digest(), library_versions(),
                    {root: _origin(root) for root in sorted(found)},
@@ -150,20 +150,21 @@ def origin(cls: type) -> list[list[str]]:
     return [[root, *_origin(root)] for root in sorted(roots)]
 
 
-def _plugins(value: object) -> Iterator[object]:
-    """Plugins in a scene or in one of its values, including the value itself."""
-    if isinstance(value, Mapping):
-        for inner in value.values():
-            yield from _plugins(inner)
-    elif isinstance(value, list | tuple | set | frozenset):
-        for inner in value:
-            yield from _plugins(inner)
-    elif isinstance(value, BaseModel):
-        yield value
-        for name in type(value).model_fields:
-            yield from _plugins(getattr(value, name))
-    elif not isinstance(value, str | bytes | int | float | None):
-        yield value  # an object that a script gave in a plugin's place
+def _plugins(scene: Scene) -> list[object]:
+    """Plugins in a scene, including the scene itself."""
+    found, waiting = list[object](), list[object]([scene])
+    while waiting:
+        value = waiting.pop()
+        if isinstance(value, Mapping):
+            waiting += value.values()
+        elif isinstance(value, list | tuple | set | frozenset):
+            waiting += value
+        elif isinstance(value, BaseModel):
+            found.append(value)
+            waiting += [getattr(value, name) for name in type(value).model_fields]
+        elif not isinstance(value, str | bytes | int | float | None):
+            found.append(value)  # an object that a script gave in a plugin's place
+    return found
 
 
 def _modules(cls: type) -> set[str]:

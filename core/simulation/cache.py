@@ -88,34 +88,42 @@ class Cache:
 
     def get_or_make(
         self, kind: str, key: str, make: Callable[[], Arrays]
-    ) -> tuple[dict[str, NDArray[Any]], bool]:
+    ) -> tuple[Arrays, bool]:
         """Arrays of an entry, computed by `make` and stored if there is none, and True for a cache
-        hit. Large arrays are read-only memory maps of their files.
+        hit (`find`, `keep`)."""
+        found = self.find(kind, key)
+        return (self.keep(kind, key, make()), False) if found is None else (found, True)
 
-        An entry that cannot be read is recomputed with a logged warning; if the entry cannot be
-        stored (disk full), the run continues without it.
-        """
+    def find(self, kind: str, key: str) -> Arrays | None:
+        """Arrays of an entry, None if there is none. Large arrays are read-only memory maps of
+        their files. An entry that cannot be read is removed, with a logged warning."""
         place = self.place(kind, key)
-        if os.path.lexists(place):
-            try:
-                found = _load(place)
-                with suppress(OSError):  # a cache that may only be read
-                    os.utime(place / _MANIFEST)  # the time of its last use
-                return found, True
-            except (OSError, *_UNREADABLE) as fault:
-                _log.warning("cache entry %s/%s is unreadable (%s): made again", kind, key, fault)
-                with suppress(OSError):
-                    _remove(place, [f.name for f in place.iterdir() if _FILE.fullmatch(f.name)])
-        arrays = dict(make())
+        if not os.path.lexists(place):
+            return None
+        try:
+            found = _load(place)
+            with suppress(OSError):  # a cache that may only be read
+                os.utime(place / _MANIFEST)  # the time of its last use
+            return found
+        except (OSError, *_UNREADABLE) as fault:
+            _log.warning("cache entry %s/%s is unreadable (%s): made again", kind, key, fault)
+            with suppress(OSError):
+                _remove(place, [f.name for f in place.iterdir() if _FILE.fullmatch(f.name)])
+            return None
+
+    def keep(self, kind: str, key: str, arrays: Arrays) -> Arrays:
+        """The arrays, stored as an entry and read from it. If they cannot be stored (disk full),
+        the run continues without, and a warning is logged."""
+        place, arrays = self.place(kind, key), dict(arrays)
         try:
             _save(self.root, place, arrays)
         except OSError as fault:
             _log.warning("cache entry %s/%s was not kept: %s", kind, key, fault)
-            return arrays, False
+            return arrays
         try:  # as a hit gets them: other strides in memory may round products differently
-            return _load(place), False
+            return _load(place)
         except (OSError, ValueError, KeyError, TypeError):  # somebody clears the cache now
-            return arrays, False
+            return arrays
 
     def place(self, kind: str, key: str) -> Path:
         """Directory of an entry, whether it exists or not."""

@@ -126,7 +126,7 @@ class Checks(pluggy.PluginManager):
         self.renewed = frozenset[str]()
         checks = sorted(map(_guarded, classes), key=lambda c: c.order)
         for cls in reversed(checks):  # the last one that is registered is called first
-            self.register(cls())
+            self.register(_Hooks(cls()))
             self.renewed |= cls.renewed
 
     @classmethod
@@ -139,9 +139,7 @@ class Checks(pluggy.PluginManager):
     ) -> pluggy.HookspecOpts | None:
         return vars(Check)[name].sparsemor_spec if name in HOOKS else None
 
-    def parse_hookimpl_opts(self, plugin: object, name: str) -> pluggy.HookimplOpts | None:
-        if name not in HOOKS or not _overrides(type(plugin), name):
-            return None
+    def parse_hookimpl_opts(self, plugin: object, name: str) -> pluggy.HookimplOpts:
         return pluggy.HookimplOpts(wrapper=False, hookwrapper=False, optionalhook=False,
                                    tryfirst=False, trylast=False, specname=None)
 
@@ -178,9 +176,20 @@ class Checks(pluggy.PluginManager):
         return Findings.together(self.hook.after_run(run=run, result=result))
 
 
-def _overrides(cls: type, name: str) -> bool:
-    """True if a class of checks has a method of this name other than that of `Check`."""
-    return getattr_static(cls, name, None) is not vars(Check)[name]
+class _Hooks:
+    """The hooks of one check, as attributes; pluggy looks at all names that `dir` lists."""
+
+    def __init__(self, check: Check) -> None:
+        for name in _overridden(type(check)):
+            setattr(self, name, getattr(check, name))
+
+    def __dir__(self) -> Iterable[str]:
+        return vars(self)
+
+
+def _overridden(cls: type) -> list[str]:
+    """Hooks for which a class of checks has a method other than that of `Check`."""
+    return [n for n in HOOKS if getattr_static(cls, n, None) is not vars(Check)[n]]
 
 
 def _guarded(cls: type[Plugin]) -> type[Check]:
@@ -189,5 +198,5 @@ def _guarded(cls: type[Plugin]) -> type[Check]:
     if not issubclass(cls, Check):
         raise InputError(f"check plugin {cls.__module__}:{cls.__qualname__} is no "
                          "sparsemor.core.Check: report it to the authors of that package")
-    guard(Check, cls, [name for name in HOOKS if _overrides(cls, name)])
+    guard(Check, cls, _overridden(cls))
     return cls

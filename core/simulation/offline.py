@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import fields, replace
 from functools import cached_property, partial
 
@@ -23,7 +24,7 @@ from sparsemor.core.scene.digest import digest
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.blow_up import Extents, diverged
 from sparsemor.core.simulation.controllers import Controllers, sensors
-from sparsemor.core.simulation.offline_cache import Products
+from sparsemor.core.simulation.offline_cache import OfflineProduct, Products
 from sparsemor.core.simulation.step_control import controlled, step_of
 from sparsemor.core.simulation.time_stepping import iterate, problem_of, started
 from sparsemor.core.status import SolveFailed
@@ -191,18 +192,30 @@ class Offline:
     ) -> Arrays:
         """Arrays of one offline product of the reducer: read from the cache, or computed by `make`
         and stored. depends: inputs of the product, part of the cache key."""
-        return self._remembered(kind, (*self._reducer, *depends), make)
+        with self.product(kind, depends) as product:
+            if not product.hit:
+                product.arrays = make()
+        return product.arrays
 
-    def _remembered(
-        self, kind: str, depends: Sequence[object], make: Callable[[], Arrays]
-    ) -> Arrays:
+    def product(
+        self, kind: str, depends: Sequence[object]
+    ) -> AbstractContextManager[OfflineProduct]:
+        """Context around one offline product of the reducer (`Products.product`), for what is
+        computed in the place where it is needed; depends: as for `remember`."""
+        return self._product(kind, (*self._reducer, *depends))
+
+    @contextmanager
+    def _product(self, kind: str, depends: Sequence[object]) -> Iterator[OfflineProduct]:
+        """Context around a product that depends on the training runs and on `depends`; what is to
+        be computed is reported to observers."""
         cache = self.products.cache
         key = "" if cache is None else digest(self._key, *depends)
-        if self._read_only:
-            make = partial(_not_computed, kind)
-        elif cache is None or not cache.has(kind, key):
+        if not self._read_only and (cache is None or not cache.has(kind, key)):
             self.manager.hook.on_offline(product=kind)
-        return self.products.remember(kind, key, make)
+        with self.products.product(kind, key) as product:
+            if self._read_only and not product.hit:
+                raise LookupError(kind)
+            yield product
 
     def has_training(self) -> bool:
         """True if the snapshots of all training runs are in the cache."""
@@ -227,8 +240,10 @@ class Offline:
         requested = digest(basis, step)
         if self._requested.get(name) != requested:
             known = self._model.block_data(name, step=step)
-            a = self._remembered("basis", self._depends(basis, known),
-                                 partial(self._built, basis, known))
+            with self._product("basis", self._depends(basis, known)) as product:
+                if not product.hit:
+                    product.arrays = self._built(basis, known)
+            a = product.arrays
             self._dictionaries[name] = Dictionary(
                 np.asarray(a["atoms"]), np.asarray(a["offset"]),
                 tuple(str(p) for p in a["provenance"]), json.loads(str(a["info"]))), float(a["top"])
@@ -257,10 +272,6 @@ class Offline:
             top = largest_coefficient(d, snapshots)
         return {"atoms": d.atoms, "offset": d.offset, "top": np.array(top),
                 "provenance": np.array(d.provenance), "info": np.array(json.dumps(dict(d.info)))}
-
-
-def _not_computed(kind: str) -> Arrays:
-    raise LookupError(kind)
 
 
 _NESTED = frozenset({"heat", "moving", "tangent"})

@@ -3,7 +3,7 @@
 import json
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -19,13 +19,14 @@ class OfflineProduct:
     """Offline product (snapshots, basis, ..) while it is computed or read.
 
     name: kind and key; place: directory of its cache entry, if any; hit: True if it was in the
-    cache; inside: computing times of the products that it is computed from, s; nested: wall time
-    spent on them, s.
+    cache; arrays: its content, which whoever computes it sets if it was not; inside: computing
+    times of the products that it is computed from, s; nested: wall time spent on them, s.
     """
 
     name: str
     place: Path | None
     hit: bool = False
+    arrays: Arrays = field(default_factory=dict)
     inside: dict[str, float] = field(default_factory=dict)
     nested: float = 0.0
 
@@ -62,14 +63,14 @@ class OfflineCost:
                 self._open[-1].inside |= self._costs.get(name, {})
 
     @contextmanager
-    def product(self, name: str, place: Path | None) -> Iterator[OfflineProduct]:
-        """Context around computing or reading a product; the caller sets `hit`. place: directory
-        of its cache entry. A product may be computed for another one, the last of `_open`."""
-        one = OfflineProduct(name, place)
+    def counted(self, one: OfflineProduct) -> Iterator[None]:
+        """Context around computing or reading a product; the caller sets `hit`. A product may be
+        computed for another one, the last of `_open`."""
+        name, place = one.name, one.place
         self._open.append(one)
         start = time.perf_counter()
         try:
-            yield one
+            yield
         finally:
             self._open.pop()
         elapsed = time.perf_counter() - start
@@ -151,22 +152,39 @@ class Products:
         self.spent.waited += elapsed
         self.seconds[kind] = self.seconds.get(kind, 0.0) + elapsed
 
+    @contextmanager
+    def product(self, kind: str, key: str) -> Iterator[OfflineProduct]:
+        """Context around one product. It has its arrays if the cache does (`hit`); else they are
+        computed and set inside, and stored at the end:
+
+            with products.product(kind, key) as product:
+                if not product.hit:
+                    product.arrays = ...
+            product.arrays
+
+        Notes in `used` whether all products of its kind were in the cache, and in `seconds` the
+        time, s.
+        """
+        start, cache = time.perf_counter(), self.cache
+        one = OfflineProduct(f"{kind}/{key}", None if cache is None else cache.place(kind, key))
+        with nullcontext() if cache is None else self.spent.counted(one):
+            found = None if cache is None else cache.find(kind, key)
+            one.hit, one.arrays = found is not None, found or {}
+            yield one
+            if cache is not None and not one.hit:
+                one.arrays = cache.keep(kind, key, one.arrays)
+        label = "hit" if one.hit else "miss"
+        self.used[kind] = label if self.used.get(kind, label) == label else "mixed"
+        self.seconds[kind] = self.seconds.get(kind, 0.0) + time.perf_counter() - start
+
     def remember(
         self, kind: str, key: str, make: Callable[[], Arrays]
     ) -> Arrays:
-        """Arrays of one product: read from the cache, or computed by `make` and stored. Notes in
-        `used` whether all products of its kind were in the cache, and in `seconds` the time, s."""
-        start = time.perf_counter()
-        if self.cache is None:
-            arrays, hit = make(), False
-        else:
-            with self.spent.product(f"{kind}/{key}", self.cache.place(kind, key)) as product:
-                arrays, hit = self.cache.get_or_make(kind, key, make)
-                product.hit = hit
-        label = "hit" if hit else "miss"
-        self.used[kind] = label if self.used.get(kind, label) == label else "mixed"
-        self.seconds[kind] = self.seconds.get(kind, 0.0) + time.perf_counter() - start
-        return arrays
+        """Arrays of one product: read from the cache, or computed by `make` and stored."""
+        with self.product(kind, key) as product:
+            if not product.hit:
+                product.arrays = make()
+        return product.arrays
 
 
 def mesh_content(model: Model) -> list[object]:

@@ -46,7 +46,7 @@ class AutomaticSolver(LinearSolver):
             return fault
         solver, note = self.choose(A, places)
         done: Solved = solver.factorize(A, places)
-        return replace(done, note="; ".join(part for part in (note, done.note) if part))
+        return replace(done, note="; ".join(filter(None, (note, done.note))))
 
     def choose(self, A: Csr, places: DofLocations | None = None) -> tuple[Any, str]:
         """Solver chosen for A (n, n), and the reason in words. places: positions of the unknowns,

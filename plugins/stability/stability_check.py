@@ -236,10 +236,11 @@ def check_run(
                             "solves a step", "stability_unchecked"),), {}
     # keys of the scene that cannot change the result are reset, so that they do not change its key
     plain = {key: value for key, value in IRRELEVANT.items() if key not in ("seed", "parameters")}
-    kept = offline.remember(
-        "stability", (scene.using(plain).digest(), *([len(states)] if states else [])),
-        lambda: _as_arrays(_judged_run(scene, model, solver, full, offline, states)))
-    words, facts = str(kept["words"]), json.loads(str(kept["facts"]))
+    depends = scene.using(plain).digest(), *([len(states)] if states else [])
+    with offline.product("stability", depends) as product:
+        if not product.hit:
+            product.arrays = _as_arrays(_judged_run(scene, model, solver, full, offline, states))
+    words, facts = str(product.arrays["words"]), json.loads(str(product.arrays["facts"]))
     if not words:
         return (), facts
     if scene.check_stability == "refuse":

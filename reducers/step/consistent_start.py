@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sparsemor.core import FloatArray, State
-from sparsemor.core.model.constraint_rates import derivative_along_motion
+from sparsemor.core.model.constraint_rates import along_motion
 from sparsemor.core.model.initial_state import AGAIN, BENT
 from sparsemor.core.protocols.body_frame import FrameWork
 from sparsemor.core.protocols.time_function import time_derivatives
@@ -85,8 +85,9 @@ def _accelerations(
     each body (`_Body`); True if these are not linear up to the result. operators, motion: as in
     `consistent_start`."""
     nr = mechanics.n_rigid
-    parts = [_linear(mechanics, body, t, state, motion, forces)
-             for body, t in zip(mechanics.bodies, operators, strict=True)]
+    parts = list[_Body]()
+    for body, t in zip(mechanics.bodies, operators, strict=True):
+        parts.append(_linear(mechanics, body, t, state, motion, forces))
     maps = [body.to_border for body in mechanics.bodies]
     # elastic accelerations eliminated (Schur complement): B z + r = target accelerations
     r = sum(T.T @ (p.rows - p.tau @ p.base) for T, p in zip(maps, parts, strict=True))
@@ -214,7 +215,8 @@ def _evaluate(
 ) -> FrameWork:
     """Frame equations at border unknowns y with rates v (b,) and zero unknown accelerations, with
     derivatives for dv = 0 and da = c2 dx."""
-    (w,), c = buffers([body.frame]), state.x[body.elastic]
+    frame, c = body.frame, state.x[body.elastic]
+    w = FrameWork(frame.p, frame.border, frame.generators)
     body.evaluate(
         y, v, a=body.border_motion(state.t)[2], c1=0.0, c2=c2, operators=ops, c=c,
         cv=state.v[body.elastic], ca=np.zeros(len(c)), t=state.t, work=w)
@@ -254,8 +256,10 @@ def _curvature(
     G: Jacobian of g by border unknowns y (b,), with rates v, and displacements; `_moving` is G v.
     motion: step s of the finite difference along the motion, s.
     """
-    found = derivative_along_motion(lambda s: _moving(body, ops, y + s * v, v, replace(
-        state, x=state.x + s * state.v)), motion)
+    found = np.zeros(body.frame.border - body.frame.rigid_size)
+    for s, weight in along_motion(motion):
+        moved = replace(state, x=state.x + s * state.v)
+        found += weight * _moving(body, ops, y + s * v, v, moved)
     first, second = (body.frame.time_derivative(n, state.t, mechanics.h) for n in (1, 2))
     if first is not None:
         found = found + 2.0 * _moving(replace(body, frame=first), ops, y, v, state)

@@ -27,7 +27,7 @@ from sparsemor.core import (
     information,
 )
 from sparsemor.core.model.compressed_local import CompressedLocal
-from sparsemor.core.model.constraint_rates import derivative_along_motion, motion_step
+from sparsemor.core.model.constraint_rates import along_motion, motion_step
 from sparsemor.core.protocols.step_solver import unavailable_resultants
 from sparsemor.core.protocols.time_function import derivative_from_right, time_derivatives
 from sparsemor.reducers.block_counts import coupling, elements
@@ -317,7 +317,8 @@ def _curvature(equations: Reduced, x: FloatArray, v: FloatArray, t: float) -> Fl
         """Values g of the constraint rows of equations e, without prescribed ones."""
         return e.residual_at(x, zero, zero, time, prescribed=zero)[rows]
 
-    found = derivative_along_motion(lambda s: rate(equations, s, t), motion_step(layout, moving, h))
+    found = sum([weight * rate(equations, s, t)
+                 for s, weight in along_motion(motion_step(layout, moving, h))])
     once, twice = (equations.time_derivative(n, t) for n in (1, 2))
     found = found + 2.0 * rate(once, 0.0, t) + value(twice, t)
     for i, f in equations.targets:  # position in `border`, prescribed value; g = (...) - f(t)
