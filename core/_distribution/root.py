@@ -55,11 +55,7 @@ _HOMES = {
     "study": "plugins.study",
 }
 
-__all__ = [
-    "Advice", "InputError", "ReducedModel", "Registry", "Scene", "SolveFailed", "Status",
-    "__version__", "advise", "animate", "compare", "export", "load", "load_model", "open_result",
-    "parameter_test", "plot", "reduce", "reproduce", "simulate", "solve", "study",
-]
+__all__ = ["__version__", *_HOMES]
 
 
 def __getattr__(name: str) -> Any:

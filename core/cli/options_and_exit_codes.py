@@ -22,7 +22,7 @@ from sparsemor.core.errors import Damaged, Fault, InputError
 from sparsemor.core.registry.boundary import naming_plugins
 from sparsemor.core.registry.validation_errors import shown
 from sparsemor.core.results.files.written_files import add_to_listing, require_ours
-from sparsemor.core.results.model_file.first_line import is_model_file
+from sparsemor.core.results.model_file import is_model_file
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.scene.overrides import parse_settings
 from sparsemor.core.scene.scene import Scene, load

@@ -26,7 +26,7 @@ from sparsemor.core.cli.options_and_exit_codes import (
 )
 from sparsemor.core.errors import InputError
 from sparsemor.core.notes import Level, sentences
-from sparsemor.core.results.model_file.first_line import is_model_file
+from sparsemor.core.results.model_file import is_model_file
 
 if TYPE_CHECKING:
     from sparsemor.plugins.analyses.stored_solution import Solution

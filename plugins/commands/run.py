@@ -26,7 +26,7 @@ from sparsemor.core.cli.options_and_exit_codes import (
 from sparsemor.core.errors import InputError
 from sparsemor.core.notes import folded
 from sparsemor.core.results.error_norms import LIMIT
-from sparsemor.core.results.model_file.first_line import is_model_file
+from sparsemor.core.results.model_file import is_model_file
 from sparsemor.core.scene.overrides import parse_settings
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ from sparsemor.core.cli.options_and_exit_codes import (
     words,
 )
 from sparsemor.core.errors import InputError
-from sparsemor.core.results.model_file.first_line import is_model_file
+from sparsemor.core.results.model_file import is_model_file
 
 if TYPE_CHECKING:
     from sparsemor.core.results.run_result import RunResult

@@ -30,7 +30,7 @@ from sparsemor.core.registry.value_types import unfit_field
 from sparsemor.core.results.arrays_in_memory import MemoryWriter
 from sparsemor.core.results.atomic_files import replace_file
 from sparsemor.core.results.metadata import RunHeader
-from sparsemor.core.results.model_file.serializer import Packed, PackedError, Table, table_of
+from sparsemor.plugins.kept_models.serializer import Packed, PackedError, Table, table_of
 from sparsemor.core.results.output_lock import owned
 from sparsemor.core.results.result_variables import fixed_arrays, time_arrays
 from sparsemor.core.results.run_result import RunResult

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from sparsemor import InputError, load, simulate
 from sparsemor.core.cli import app
-from sparsemor.core.results.model_file.first_line import MAGIC
+from sparsemor.core.results.model_file import MAGIC
 from sparsemor.core.simulation.validation import checked_model
 
 SWING = (Path(__file__).parents[1] / "scenes" / "swing.yaml").read_text(encoding="utf-8")

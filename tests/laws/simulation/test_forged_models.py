@@ -13,7 +13,7 @@ import pytest
 from hostile.model_mutants import forged, parts, signed
 from small_scenes import tiny
 from sparsemor import InputError, ReducedModel, SolveFailed, load_model, reduce
-from sparsemor.core.results.model_file.serializer import SMALL, Packed
+from sparsemor.plugins.kept_models.serializer import SMALL, Packed
 
 
 @cache

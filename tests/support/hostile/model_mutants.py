@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sparsemor.core.results.model_file.first_line import MAGIC
+from sparsemor.core.results.model_file import MAGIC
 
 LEAVES: tuple[Any, ...] = (
     None, 0, -1, 3, 10**6, 10**12, 10**30, True, "", "a\0b", "\ud800", "x" * 3000, "bar.elastic",

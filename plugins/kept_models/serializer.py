@@ -22,14 +22,14 @@ from scipy.sparse import csr_array
 
 from sparsemor.core.protocols.time_function import TimeFunction
 from sparsemor.core.registry.value_types import unfit_field
-from sparsemor.core.results.model_file.array_compression import (
+from sparsemor.plugins.kept_models.array_compression import (
     compact,
     declared,
     order,
     restored,
     shuffled,
 )
-from sparsemor.core.results.model_file.first_line import MAGIC
+from sparsemor.core.results.model_file import MAGIC
 
 SMALL, RATIO = 2**20, 64
 """Largest size of what is in a file, bytes: so many, and so many times its compressed bytes.

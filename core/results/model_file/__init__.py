@@ -1,1 +1,0 @@
-"""Objects as plain data and arrays: the content of the file of a reduced model."""
