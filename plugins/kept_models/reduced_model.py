@@ -30,7 +30,6 @@ from sparsemor.core.registry.value_types import unfit_field
 from sparsemor.core.results.arrays_in_memory import MemoryWriter
 from sparsemor.core.results.atomic_files import replace_file
 from sparsemor.core.results.metadata import RunHeader
-from sparsemor.plugins.kept_models.serializer import Packed, PackedError, Table, table_of
 from sparsemor.core.results.output_lock import owned
 from sparsemor.core.results.result_variables import fixed_arrays, time_arrays
 from sparsemor.core.results.run_result import RunResult
@@ -62,6 +61,7 @@ from sparsemor.plugins.kept_models.changed_start import (
     started_from,
 )
 from sparsemor.plugins.kept_models.co_simulation import Input, ModelStepper
+from sparsemor.plugins.kept_models.serializer import Packed, PackedError, Table, table_of
 from sparsemor.plugins.kept_models.stored_classes import CLASSES
 
 Again = Callable[[Scene, int | None], PreparedRun]

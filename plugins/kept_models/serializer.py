@@ -22,6 +22,7 @@ from scipy.sparse import csr_array
 
 from sparsemor.core.protocols.time_function import TimeFunction
 from sparsemor.core.registry.value_types import unfit_field
+from sparsemor.core.results.model_file import MAGIC
 from sparsemor.plugins.kept_models.array_compression import (
     compact,
     declared,
@@ -29,7 +30,6 @@ from sparsemor.plugins.kept_models.array_compression import (
     restored,
     shuffled,
 )
-from sparsemor.core.results.model_file import MAGIC
 
 SMALL, RATIO = 2**20, 64
 """Largest size of what is in a file, bytes: so many, and so many times its compressed bytes.

@@ -19,12 +19,12 @@ from joint_runs import driven
 from small_scenes import everything, tiny
 from sparsemor import InputError, ReducedModel, load, load_model, reduce, simulate
 from sparsemor.core import AssembledModel, Findings, Note, PreparedRun
-from sparsemor.plugins.kept_models.array_compression import compact, restored
 from sparsemor.core.results.model_file import MAGIC
-from sparsemor.plugins.kept_models.serializer import Packed, PackedError
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.checks import Checks
+from sparsemor.plugins.kept_models.array_compression import compact, restored
+from sparsemor.plugins.kept_models.serializer import Packed, PackedError
 from tiers import full
 
 FLUX, LOW = "loads.heating.flux", 2.0e5
