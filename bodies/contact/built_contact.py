@@ -228,7 +228,8 @@ def _passage(
     """
     short, other = sorted((0, 1), key=lambda i: float(np.ptp(before[i], axis=0).max()))
     near = cKDTree(before[other]).query(before[short])[1]
-    # relative to the nearest node, projected on the directions in which the surface is not flat
+    # relative to the nearest node, projected on the directions in which the surface is not flat:
+    # its extent there is more than FLAT of the largest
     moved = np.median((after[short] - before[short]) - (after[other] - before[other])[near], axis=0)
     sizes, axes = np.linalg.svd(before[short] - before[short].mean(axis=0), full_matrices=False)[1:]
     flat = axes[sizes > FLAT * sizes[0]]

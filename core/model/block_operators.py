@@ -113,7 +113,8 @@ class _BlockOperators:
     def _has_slot(self, m: MatrixRecord) -> bool:
         """True if a matrix belongs to the operators of one body: mass, damping, stiffness, capacity
         or conductivity of one of its blocks, or its thermal coupling, by which the temperatures
-        (columns) drive the displacements (rows)."""
+        (columns) drive the displacements (rows). field: quantity of a block that can have
+        operators, else None."""
         rows, columns = self.layout.block(m.rows), self.layout.block(m.columns)
         if rows.owner != columns.owner:
             return False
@@ -137,7 +138,8 @@ class _BlockOperators:
     def _owner(self, local: LocalRecord) -> str | None:
         """Block whose operators include a term evaluated element by element, or None. The term must
         add to rows of this block only and read this block only, or for displacements also the
-        temperatures of the same body."""
+        temperatures of the same body. field: quantity of a block that can have operators, else
+        None."""
         rows = self.layout.containing(local.term.rows)
         if len(rows) != 1 or self.field(rows[0]) is None:
             return None

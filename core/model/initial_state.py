@@ -144,7 +144,8 @@ which they count as linear, and largest number of Newton iterations with them.""
 def _solved(model: AssembledModel, t: float, h: float = 0.0) -> State:
     """State at t (s) with consistent accelerations (h = 0), or with those of an implicit Euler step
     of h (s). Where forces are not linear in the multipliers, such as friction of joint forces, the
-    linear solution is repeated from the multipliers of the last one (Newton's method)."""
+    linear solution is repeated from the multipliers of the last one (Newton's method), at most
+    AGAIN times, until they change by less than BENT of their largest."""
     state, is_nonlinear = _linear(model, t, h, model.x0)
     for _ in range(AGAIN if is_nonlinear else 0):
         before = state.x[model.layout.algebraic]
@@ -226,7 +227,7 @@ def _derivative(model: AssembledModel, K: Csr, s: State, rate: int) -> Csr:
         (J(c) - K) / c,    J(c): Jacobian with dv = c dx or da = c dx,    K = J(0)
 
     s: state at which they are evaluated. J is affine in c, which is increased until the mass is not
-    lost to round-off against the stiffness in any row with a mass.
+    lost to round-off against the stiffness in any row with a mass (ratio of both up to LOST).
     """
     layout, part = model.layout, model.layout.second if rate == 2 else model.layout.first
     factors, c, difference = np.zeros((3, layout.size)), 1.0, K
@@ -260,7 +261,8 @@ def start_notes(model: AssembledModel, t: float = 0.0) -> tuple[Note, ...]:
 
 
 def open_joints(model: AssembledModel, t: float = 0.0) -> dict[str, float]:
-    """Joints that the initial positions do not satisfy, and by how much (m, rad or a cosine)."""
+    """Joints that the initial positions do not satisfy, and by how much (m, rad or a cosine): by
+    more than OPEN times the largest term of all constraints."""
     rows, found = model.layout.algebraic, {}
     if rows.start == rows.stop:
         return {}
@@ -278,7 +280,8 @@ def open_joints(model: AssembledModel, t: float = 0.0) -> dict[str, float]:
 
 def broken_rates(layout: Layout, rates: FloatArray, sizes: FloatArray) -> tuple[Note, ...]:
     """Warnings for the joints whose constraints have rates (l,) of notable size; sizes (l,):
-    magnitudes of their terms."""
+    magnitudes of their terms. BROKEN, NEXT_TO: tolerances relative to those of the joint and of all
+    joints."""
     rows, most, notes = layout.algebraic, float(sizes.max(initial=0.0)), []
     for b in layout:
         if b.kind.order == 0:

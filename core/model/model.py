@@ -180,7 +180,9 @@ class Model(AssembledModel):
 
     def ring(self, name: str) -> IntArray:
         """Sorted rows of a block that belong to elements along the path of moving loads and
-        contacts; a load or contact moves over the body if its `moving` is True."""
+        contacts; a load or contact moves over the body if its `moving` is True. moving(name):
+        tabulated loads that move over the block; loaded: block -> joint, load or contact -> rows
+        that it acts on."""
         connectors = self.connectors
         path = union([path_rows(self.moving(name)), *(
             rows for part, rows in self.loaded[name].items() if connectors[part].moving)])

@@ -33,7 +33,9 @@ def dependent_joints(layout: Layout, G: Csr) -> dict[tuple[str, ...], int]:
     full rank.
 
     G is scaled to rows of length 1. With an orthonormal basis N of the null space of G G^T, two
-    constraints depend on each other where (N N^T)_ij is not zero.
+    constraints depend on each other where (N N^T)_ij is not zero (above SHARE). DEPENDENT:
+    eigenvalue, relative to the largest, that counts as zero; more than MANY constraints are not
+    analysed.
     """
     count = G.shape[0]
     if not 0 < count <= MANY or not np.isfinite(G.data).all():

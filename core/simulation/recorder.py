@@ -254,7 +254,8 @@ class Recorder:
         memory: StepMemory,
     ) -> bool:
         """Buffers an accepted step if it is to be stored, each `_every`-th and the last; True if it
-        is time to commit and save a checkpoint."""
+        is time to commit and save a checkpoint: for BUFFER bytes, and on disk also for CHUNK steps,
+        or SECONDS after the last one. errors: record of estimated errors, if the run has some."""
         if self.errors is not None:
             self.errors.take(state, stats.done)
         if stats.done % self._every and stats.done != self.steps:

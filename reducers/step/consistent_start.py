@@ -58,7 +58,7 @@ def consistent_start(
     if not mechanics.size:  # no frame moves freely, and no joint force is unknown
         return _prescribed_start(mechanics, operators, state)
     # z: rigid accelerations, then multipliers; repeated where friction is not linear in the latter,
-    # at most AGAIN times, until they change by less than BENT of the largest
+    # at most AGAIN times, until they change by less than BENT of the largest; NONE: no numbers yet
     forces, last = np.zeros(mechanics.size), NONE
     for _ in range(AGAIN):
         z, parts, nonlinear = _accelerations(mechanics, operators, state, motion, forces)

@@ -73,7 +73,7 @@ class Relocalised(DelegatingTerm):
         kept = self.memory.near.get(self.number)
         if isinstance(kept, np.ndarray):  # of a memory that was stored: made there again
             kept = self.memory.near[self.number] = self.term.near(kept)
-        if kept is not None and kept.holds(x):
+        if kept is not None and kept.holds(x):  # still exact at x
             return kept
         if not np.isfinite(x).all():
             return None

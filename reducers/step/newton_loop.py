@@ -389,7 +389,8 @@ class _StepIteration:
         """Next iterate with its own change: after a full step, or after a line search where full
         steps do not converge; None where no step length decreases the residual, or a Jacobian that
         neglects terms (not `exact`) does not converge. stall: iterations since the smallest change
-        was last halved; cycles: True if the iteration goes back and forth."""
+        was last halved, of which PATIENCE are allowed; cycles: True if the iteration goes back and
+        forth. WANDERING, CYCLE: relative changes above which it is lost, or in a cycle."""
         if self.stall > PATIENCE and not self.eq.exact:
             return None
         wanders = self.iterations > 2 * PATIENCE and at.change > WANDERING

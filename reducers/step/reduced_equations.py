@@ -124,7 +124,8 @@ class Stack:
         of rows of the model, which are also the numbers with which `at` and `rows` are filled up;
         first: position of the stack's border unknowns among those of all stacks. A frame with fewer
         than b border unknowns uses the last of b, a body with fewer displacements or directions the
-        first."""
+        first. Made are shapes and ranges, and transposed operators: G of `generators`, Q of
+        `quadratic`, P of `functional`, E of `directions`."""
         self.bodies, frames, B = bodies, [body.step.frame for body in bodies], len(bodies)
         sizes = [0 if body.operators is None else body.operators.mass.shape[1] for body in bodies]
         k, b = max(sizes), max(f.border for f in frames)
@@ -549,7 +550,9 @@ class Reduced(WholeEquations):
     def residual(self, d: FloatArray, slope: bool = False) -> FloatArray:
         """Residual (n,) at the departure d (n,): base + d + rotation of prescribed frames +
         temperature coupling + frames + terms. base: what `begin` has computed; identity: rows with
-        a term d; slope: True if frames are to give their derivatives, too."""
+        a term d, but for sampled rows (`sampled`), which are not one to one with unknowns; linear:
+        no frames and terms; iterated: terms not yet in base; slope: True if frames are to give
+        their derivatives, too."""
         r = self.base.copy()
         if not self.sampled:
             r[self.identity] += d[self.identity]

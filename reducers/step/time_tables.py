@@ -65,7 +65,8 @@ class TimeTable:
 
     def at(self, t: float) -> FloatArray:
         """Values (m,) at time t, s: a row of the table, the last value computed, or a new one,
-        which is kept unless it depends on a held function."""
+        which is kept unless it depends on a held function. near: tolerance of tabulated times, s;
+        single: cheaper form of `source` for one time, None if there is none."""
         if self.rows is not None:
             i = bisect_left(self.times, t - self.near)
             if i < len(self.times) and self.times[i] - t <= self.near:

@@ -62,8 +62,8 @@ class LocalPool:
             pass  # it is dead, which the end of its output shows
 
     def next(self, timeout: float) -> EndedJob | None:
-        """The next job that ends, as done or by the death of its worker; None after `timeout`,
-        s."""
+        """The next job that ends, as done or by the death of its worker; None after `timeout`, s.
+        _lines: worker and line of all that is printed, "" at its end; lost: number that died."""
         try:
             worker, line = self._lines.get(timeout=timeout)
         except queue.Empty:
