@@ -136,7 +136,8 @@ class Model(AssembledModel):
 
     def _block_data(self, name: str) -> BlockData:
         """Data of a block without snapshots and step: matrices of a temperature block (`h`) or an
-        elastic one (`m`), with its loads side by side. Raises KeyError for any other block."""
+        elastic one (`m`), with its loads side by side. geometry: coordinates (n, d), m, of the node
+        and component (n,) of each unknown. Raises KeyError for any other block."""
         coordinates, component = self.geometry[name]
         data = partial(
             BlockData, name=name, coordinates=coordinates, component=component,

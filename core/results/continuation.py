@@ -33,7 +33,7 @@ def refusal(attributes: Mapping[str, Any], scene: Scene) -> str:
                 "again, with --force or into another directory")
     if not changed:
         return ""
-    if not changed <= END:
+    if not changed <= END:  # keys of a later end of the run
         return f"it was made from another scene; {ELSEWHERE}"
     before = float(kept["time"]["end"])
     if changed == {"training.end"}:

@@ -138,7 +138,7 @@ def _locked(real_path: Path, folder: Path, created: list[Path]) -> int:
                              "another --out", "out")
         if inode(real_path / LOCK) == inode(file):
             return file
-        os.close(file)
+        os.close(file)  # another run removed the file before it was locked: once more
     raise AssertionError  # the loop has no end of its own
 
 

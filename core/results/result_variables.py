@@ -123,7 +123,7 @@ _Array = tuple[str, tuple[str, ...], dict[str, Any], NDArray[Any]]
 
 def _fixed(header: RunHeader) -> Iterator[_Array]:
     """Arrays of a result that do not depend on time: dictionaries, sampled rows, the stage,
-    bodies."""
+    bodies; each as its name, dimensions, attributes and values."""
     for name, d in header.dictionaries.items():
         if d.atoms.shape[1] and not len(d.atoms):  # of a model that was saved without fields
             continue
@@ -186,7 +186,8 @@ def _body_arrays(header: RunHeader, body: str, shape: BodyShape) -> Iterator[_Ar
 
 
 def _stage_arrays(stage: Stage) -> Iterator[_Array]:
-    """Arrays of the rigid-body pre-simulation: frames, joint reactions, resultants of contacts."""
+    """Arrays of the rigid-body pre-simulation: frames, joint reactions, resultants of contacts;
+    each as its name, dimensions, attributes and values."""
     yield STAGE_TIME, (STAGE_TIME,), {"units": "s"}, stage.times
     for name, h in stage.frames.items():
         motion = np.stack([h.pose, h.rate, h.acceleration], axis=1)

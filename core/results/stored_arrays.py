@@ -264,6 +264,7 @@ def dataset(stored: ResultArrays) -> "xr.Dataset":
             first, *inner = key
             values = stored.read(self.name, np.array([first]) if np.ndim(first) == 0
                                  and not isinstance(first, slice) else first)
+            # the last axis first: a single number removes its axis
             for axis, part in reversed(list(enumerate(inner, start=1))):
                 values = values[(ALL,) * axis + (part,)]
             return values if isinstance(first, slice) or np.ndim(first) else values[0]

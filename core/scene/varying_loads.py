@@ -181,7 +181,8 @@ class LoadTraining:
 
     def _ranged(self, key: str, f: TimeFunction, given: list[float] | None) -> Varying:
         """A function of time with its range: that which is given, else the values of a level over
-        the run, or minus and plus the largest value of an amplitude."""
+        the run, or minus and plus the largest value of an amplitude. levels: options of the load
+        that are levels, such as an ambient temperature."""
         _, name, option, *_ = map(str, split(key))
         level = option in self.loads[name].levels
         times = (*np.linspace(0.0, self.end, SAMPLES + 1), *(f.jumps(0.0, self.end) or ()))

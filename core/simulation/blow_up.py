@@ -135,9 +135,10 @@ class Extents:
 
     @cached_property
     def _bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Weights (n, blocks) of squared unknowns in the squared bounds of all blocks, n up to the
-        last unknown of one with atoms; and the largest of these bounds (blocks,) for which nothing
-        is computed from atoms. 0 and -1 for blocks without atoms."""
+        """Weights (n, blocks) of squared unknowns c in the squared bounds row^2 |c|^2 of atoms c of
+        all blocks, n up to the last unknown of one with atoms; and the largest of these bounds
+        (blocks,) for which nothing is computed from atoms. 0 and -1 for blocks without atoms, so
+        that these are computed always."""
         of_atoms = [b.atoms is not None and b.offset is not None for b in self.blocks]
         n = max((b.at.stop for b, yes in zip(self.blocks, of_atoms, strict=True) if yes), default=0)
         weights = np.zeros((n, len(self.blocks)))

@@ -223,13 +223,13 @@ def _folders(folder: Path) -> Iterator[tuple[Path, bool]]:
 def _files(place: Path) -> list[str] | None:
     """Files of an entry, relative to its folder, in the order in which they may be removed: the one
     by which it is known as ours last (the manifest, or the header of a reference run); None if it
-    is not ours. Raises OSError if it cannot be read."""
+    is not ours. Raises OSError if it cannot be read. SPENT: file of the computing times."""
     if place.parent.name == MACHINE_CODE:
         names_of_code = sorted(f.name for f in place.iterdir() if _MACHINE_CODE.fullmatch(f.name))
         return names_of_code or None
     if (place / STORE).is_dir():
         # a reference run: known by its header, which `own_files` names before its arrays
-        own_result = own_files(place, checked=False)
+        own_result = own_files(place, checked=False)  # without their contents' checksums
         return list(reversed(own_result.files)) if own_result.results else None
     try:
         names = sorted({file for file, _ in _table(place).values()})

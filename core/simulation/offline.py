@@ -61,7 +61,8 @@ class Offline:
 
         _dictionaries: block -> its dictionary and largest coefficient, with the digest of basis
         and step for which it was made in `_requested`; _inherited: those of another model that are
-        taken as they are; _read_only: what is not computed yet raises LookupError."""
+        taken as they are; _read_only: what is not computed yet raises LookupError. trained: True
+        once a basis has asked for snapshots; expected: estimated memory of the run, bytes."""
         self._model, self._training, self._parallel = model, training, parallel
         self._reducer = list(reducer)
         self._snapshots: Mapping[str, FloatArray] | None = None
@@ -172,7 +173,7 @@ class Offline:
         def runs() -> Sequence[TrainingRun]:
             each = self.each_run(self._model.reducible())
             kept = each[:-1] if several else [first(each[0])]
-            return [("", partial(dict, run)) for run in kept]
+            return [("", partial(dict, run)) for run in kept]  # no key, as there is no cache
 
         return Offline(self._model, runs, Products(None), self.manager, self._recording)
 

@@ -159,7 +159,7 @@ def in_blocks(
         if block is not None and (done := len(block)):
             each = (time.perf_counter() - begun) / done
             states = [block.state(i) for i in range(done)]
-            # the memory is that after the last step of the block
+            # the memory is that after the last step of the block, for which alone `whole` is True
             yield [TimeStep(StepOutcome(s.x, Status.DONE, n, remaining=error), s, memory, each,
                             i == done) for i, (s, n, error) in enumerate(zip(
                                 states, block.iterations, block.remaining, strict=True), 1)]

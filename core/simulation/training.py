@@ -114,6 +114,7 @@ def offline_of(
         return key, make if scene.training.loads is None else partial(_under_loads, make)
 
     def runs() -> Sequence[TrainingRun]:
+        # `trains`: a basis needs snapshots; it does not depend on the sizes of blocks
         if not scene.training.several or not trains(
                 scene, dict.fromkeys(model.reducible(), 0), model):
             return [run({})]

@@ -94,7 +94,7 @@ def endless(scene: Scene) -> list[Fault]:
     """Faults of time grids (run, training run, rigid-body pre-simulation) with more steps than can
     be computed and recorded."""
     grids = [("time.step", scene)]
-    gather = Gather()
+    gather = Gather()  # of faults of the other scenes themselves, which other checks report
     if "training" in scene.model_fields_set:
         key = "training.end" if scene.training.end is not None else "training.overrides"
         with gather.under(""):

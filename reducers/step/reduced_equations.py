@@ -168,7 +168,7 @@ class Stack:
             o, w = b - f.border, FrameWork(f.p, f.border, f.generators)
             w.sigma, w.tau, w.border = (
                 self.sigma[i, o:, : f.p], self.tau[i, o:, : f.p], self.H[i, o:, o:])
-            if f.generators == g:  # kappa and mu side by side
+            if f.generators == g:  # kappa and mu side by side; else `evaluate` copies them
                 w.coefficients = self.coefficients[i]
             w.kappa_y, w.mu_y = self.kappa_y[i, o:, : f.generators], self.mu_y[
                 i, o:, : f.generators]
@@ -681,7 +681,9 @@ class Reduced(WholeEquations):
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: FloatArray, c2: FloatArray
     ) -> FloatArray:
         """Jacobian (n, n), or of as many rows as there are, at a state, for dv = c1 dx and da = c2
-        dx; c1, c2 (n,)."""
+        dx; c1, c2 (n,). Of a body (`BorderBlocks`) corner: rigid and constraint rows by rigid
+        unknowns and joint forces, column: elastic rows by these, row: the former by displacements,
+        turning: factors of its inertia matrices by displacements."""
         layout, J = self.layout, np.zeros((self.rows.size, len(x)))
         # the factors are equal within each kind of unknowns; k1_first: c1 of temperatures
         k1_first, k1, k2 = (float(c.max(initial=0.0)) for c in (

@@ -139,7 +139,7 @@ class CompressedHeat:
         projected B = c1 C + K on the active atoms `support` (None: all), left @ B_S = 1; local
         terms include the factor `left` already. `compact` stores a diagonal matrix as its
         diagonal."""
-        loads = LoadsInTime(
+        loads = LoadsInTime(  # tables are projected for all times if `left` stays in the whole run
             left @ b.constant, left @ b.loads, tuple(b.amplitudes),
             tabulated(b.tables, left, support is None))
         # a support that may change with the next step does not pay for all times

@@ -53,7 +53,7 @@ def machine_memory() -> int:
 
 
 def _given() -> int | None:
-    """Limit, bytes, by the environment variable; None without."""
+    """Limit, bytes, by the environment variable LIMIT, in GB; None without."""
     text = os.environ.get(LIMIT)
     if not text:
         return None
