@@ -223,8 +223,9 @@ class _BlockOperators:
         of a body's frame kernel: its own rigid coordinates, those of other bodies that its forces
         depend on, and the joint forces on it."""
         layout, shift = self.layout, self.rigid - self.layout.algebraic.start
-        # rows of the result in the order of the kernel's inputs; columns: rigid coordinates of the
-        # model (numbered as in the state vector), then multipliers (`shift` leads to their columns)
+        # rows of the result in the order of the kernel's inputs; columns: the `rigid` rigid
+        # coordinates of the model (numbered as in the state vector), then multipliers (`shift`
+        # leads to their columns), `border` = N in all
         own = np.zeros((len(body.pose), self.border))
         rigid_numbers = layout.numbers(layout.name_of(body.name, Quantity.POSE))
         own[np.arange(len(rigid_numbers)), rigid_numbers] = 1.0

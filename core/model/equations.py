@@ -112,6 +112,7 @@ class AssembledTerm(Term, Generic[E]):
 
     @property
     def exact_in_time(self) -> bool:
+        """True: `time_derivative` is that of its constraint equations."""
         return True
 
     @property

@@ -154,6 +154,7 @@ def _displacements(
     for i, after in enumerate(times[1:]):
         f = ops.constant + ops.loads @ means[i]
         f = f + _moving(ops.tables, after - h, after, len(f)) + thermal_forces[:, i + 1]
+        # minus: directions stand on the left-hand side of the elastic equations
         f = f - ops.directions @ by_frame[i]
         # a uniform temperature of no stress: thermal forces cancel to round-off
         cancelled = np.linalg.norm(f) <= ROUND_OFF * np.linalg.norm(ops.constant)

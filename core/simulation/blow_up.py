@@ -289,7 +289,8 @@ def _smaller(
 
 
 def _spinning(model: Model, now: State, block: str) -> str:
-    """Advice where the body of a block turns near its lowest natural frequency; "" otherwise."""
+    """Advice where the body of a block turns near its lowest natural frequency, faster than
+    SPINNING times that; "" otherwise."""
     for m in model.separated.moving:
         if m.elastic != block or m.operators is None:
             continue

@@ -124,6 +124,7 @@ class RunSteps:
         self.collector, self.due, self.undecided = collector, False, False
         self.state, self.memory = begin or started(self.solver, scene.integrator, run.start)
         complete(self.memory, StepMemory, scene.reducer, "start", "reducer")
+        # the solver's way to take several steps in one call, such as compiled ones, or None
         self.many = many_steps(
             self.solver, scene.integrator, scene.time.step, earlier + run.steps)
         if run.estimator is not None:

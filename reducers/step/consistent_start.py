@@ -141,7 +141,7 @@ def _prescribed_start(
     a = state.a.copy()
     for body, t in zip(mechanics.bodies, operators, strict=True):
         if t is not None:
-            w, = buffers([body.frame])
+            w, = buffers([body.frame])  # `drive` fills in kappa, mu, sigma of a prescribed motion
             body.frame.drive(*body.border_motion(state.t), state.t, w)
             rows = _elastic_rows(body, t, w, state)  # mass a + rows = 0
             a[body.elastic] = -np.linalg.lstsq(t.mass, rows, rcond=None)[0]
