@@ -54,7 +54,9 @@ def affordable_model(
     problem: ReducedProblem, solver: StepSolver, active: Active, compiled: bool
 ) -> ErrorModel | CoupledErrors | None:
     """Error model of the runs of `solver` at a cost of at most `SHARE` of their steps; None where
-    nothing is reduced, a step has several solves, or an operator cannot be factorized."""
+    nothing is reduced, a step has several solves, or an operator cannot be factorized. active:
+    largest number of active atoms of a block with so many atoms; compiled: True if the steps are
+    machine code."""
     if not (solver.dictionaries and problem.integrator.one_solve):
         return None
     every, first = steps_between(problem, solver, compiled)

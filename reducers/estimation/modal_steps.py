@@ -63,7 +63,8 @@ class ModalSteps:
         mass: FloatArray
     ) -> "ModalSteps":
         """`count` steps by a rule of modes with stiffness k, damping d and mass m, (q,) each; m = 0
-        for first-order equations. The rule z = new p + old z0 gives the rows x, x', x'' first."""
+        for first-order equations. The rule z = new p + old z0 gives the rows x, x', x'' first; with
+        the equation k x + d x' + m x'' = f at its end a step is z = T z0 + L f."""
         factors = np.stack([stiffness, damping, mass])
         load = rule.new[:, None] / (rule.new[:3] @ factors)  # L (s, q)
         forces = rule.old[:3].T @ factors  # (s, q): those of the old state at zero highest rate

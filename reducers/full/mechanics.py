@@ -261,7 +261,7 @@ class FullMechanics(StepEquations):
         if o.coupling is not None:
             h -= o.coupling @ T
         one.h = plus_loads(h, o, step.t, -1.0)
-        if o.local or o.damps:
+        if o.local or o.damps:  # damps: damping that is no sparse matrix
             rate = step.free_rate[b.step.thermal] + step.c1_first * d[b.step.thermal]
             one.local = LocalForces((*o.local, *o.damps), step, one.u, one.v, T, rate)
         if b.frame_factors is None:
