@@ -82,7 +82,9 @@ class Full(StepOptions):
                                   positions(model.layout))
         made = replace(made, mechanics=LoopMechanics(equations, tol), factorizations=done,
                        full_heat=heat, loop=Loop(model.layout, tol), iterative=equations.iterates)
-        if not made.iterative:  # chosen where a factor is too large
+        # newton: for steps where the iterations by blocks fail. Not with iterative solvers, which
+        # are chosen where the factor of one body is too large, so that the model's would be, too
+        if not made.iterative:
             made = replace(made, newton=WholeNewton(lambda: Summed.from_model(model, PRICE), tol))
         return compilable(made, self.compiled)
 

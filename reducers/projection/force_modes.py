@@ -127,7 +127,7 @@ def differences(X: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray]:
 def force_modes(block: Reducible, basis: Basis) -> Dictionary:
     """Modes (n, f) of the block's force as a dictionary, cached; f = 0 where no force acts on the
     block."""
-    taken = recording(block)
+    taken = recording(block)  # integrator and times of the training run
     depends = (block.name, basis, taken.integrator, taken.step, taken.every)
 
     def make() -> Mapping[str, FloatArray]:

@@ -118,7 +118,7 @@ class JointSelection(AtomSelection):
                 found[g.name] = out.support[g.start : g.stop]
                 x[base.layout[g.name]] = out.c[g.start : g.stop]
             x[problem.rows.border] = out.c[problem.k :]
-            iterations = out.iterations
+            iterations = out.iterations  # of the mechanics, where there are any
         if take(found, memory):  # a support differs from the last step's
             memory.past.restart()  # coefficients may have jumped: the past is no guide
         return StepOutcome(x, Status.DONE, iterations, rates=step.at(x - step.free)[1:])

@@ -164,7 +164,8 @@ def local_equations(
         """Columns (k M, E') of G for the elements `part`."""
         return (evaluated(part) if whole is None else whole[part]).T
 
-    # sums: G 1 and G times two random vectors; size: sum |G|; sizes: norms of the columns
+    # sums: G 1 and G times two random vectors; size: sum |G|, below whose round-off G 1 counts as
+    # zero; sizes: norms of the columns
     probes = np.random.default_rng(0).standard_normal((count, 2))
     sums, size, sizes = np.zeros((rows, 3)), 0.0, np.zeros((1, count))
     for first in range(0, count, step := max(BLOCK // max(rows, 1), 1)):
