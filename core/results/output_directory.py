@@ -155,8 +155,8 @@ class OutputDirectory:
             try:
                 yield
             except BaseException as error:
-                if not lost(self.path):
-                    self._recover()
+                if not lost(self.path):  # the directory itself was not moved or removed
+                    self._recover()  # the earlier result returns if the new run stored nothing
                     begun = own_files(self.path)
                     if not begun.results:
                         remove(begun, self.path)

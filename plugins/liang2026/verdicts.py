@@ -63,7 +63,7 @@ def judged(item: PaperItem, results: Results, folder: Path) -> Verdict:
         try:
             drawn |= {f"{item.id}_{number}_{name}": figure
                       for name, figure in picture.made(results, known).items()}
-        except Exception as error:
+        except Exception as error:  # named, but the grade is that of the numbers
             faults.append(f"picture {number}: {reason_of(error)}")
     drawn[f"{item.id}_numbers"] = numbers_figure({
         n.label: (n.paper, n.here) for n in numbers if n.paper != n.here

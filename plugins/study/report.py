@@ -36,7 +36,7 @@ def in_words(plan: StudyPlan, rows: Sequence[Mapping[str, Any]]) -> str:
     errors = _errors(plan.drawing)  # column -> error measure
     own = plan.study.file.quantities
     axes = [n for n in plan.axes if LABEL not in plan.axes or not any(
-        isinstance(row.get(n), dict) for row in rows)]  # which the label names
+        isinstance(row.get(n), dict) for row in rows)]  # mappings are named by the label
     # the column along the lines of the chart, where it is a count of atoms or rows, not an axis
     counts = [n for n in (plan.study.file.budget,) if n in OF_CHARTS]
     names = ["run", *axes, *counts, "status", "ms_per_step",
