@@ -49,8 +49,9 @@ class ElasticResidual:
     """Residual of an elastic block on q modes, with the terms of its frame, whose motion is
     prescribed (reducers/step/projected_operators.py).
 
-    operators ((3 + g) k + p + kT, q): transposes of stiffness,
-    damping, mass, generators, directions and minus the coupling with kT temperatures.
+    step: its frame and ranges of unknowns; tested: its operators, multiplied by the q modes;
+    operators ((3 + g) k + p + kT, q): transposes of stiffness, damping, mass, g generators, p
+    directions and minus the coupling with kT temperatures; loads: what is subtracted, by time.
     """
 
     step: BodyStep
