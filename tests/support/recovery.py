@@ -21,8 +21,17 @@ PURSUITS: dict[str, tuple[type[LinearRecovery], dict[str, Any]]] = {
     "highs": (BasisPursuit, {"tolerance": 0.0, "solver": "SCIPY"})}
 """Basis pursuit with equality constraints: classes and options, because to name a solver of cvxpy
 imports cvxpy, which takes a second."""
-each = pytest.mark.parametrize("solver", SOLVERS.values(), ids=list(SOLVERS))
-each_linear = pytest.mark.parametrize("solver", LINEAR.values(), ids=list(LINEAR))
+IMPORTS = ("basis_pursuit", "lasso_lars")
+"""Solvers whose first use imports cvxpy or scikit-learn, which takes a second: full tier."""
+
+
+def each_of(solvers: dict[str, Any]) -> pytest.MarkDecorator:
+    return pytest.mark.parametrize("solver", [
+        pytest.param(s, id=name, marks=[pytest.mark.full] * (name in IMPORTS))
+        for name, s in solvers.items()])
+
+
+each, each_linear = each_of(SOLVERS), each_of(LINEAR)
 
 
 def empty(solver: SparseSolver, problem: "LeastSquares | Elsewhere | Tempting") -> SparseOutcome:

@@ -13,7 +13,7 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.testing import check_basis
 from sparsemor.core.testing.random_inputs import random_block
 from sparsemor.plugins.bases.pod import Pod
-from sparsemor.plugins.bases.snapshot_svd import left_singular, round_off_level
+from sparsemor.plugins.bases.snapshot_svd import round_off_level
 
 
 @pytest.mark.parametrize(
@@ -29,7 +29,7 @@ from sparsemor.plugins.bases.snapshot_svd import left_singular, round_off_level
     ids=repr,
 )
 def test_pod_keeps_the_laws_with_every_option(pod: Pod) -> None:
-    check_basis(pod, seed=1)
+    check_basis(pod, seed=1, trials=3)
 
 
 def block_of(snapshots: FloatArray) -> BlockData:
@@ -48,34 +48,22 @@ def decaying(n: int, M: int, s: FloatArray, seed: int = 0) -> tuple[FloatArray, 
     return U, (U * s) @ V.T
 
 
-@pytest.mark.parametrize(("n", "M"), [(900, 700), (300, 1200), (2000, 300), (60, 50)])
+@pytest.mark.parametrize(("n", "M"), [(500, 400), (200, 700), (1000, 150), (60, 50)])
 def test_directions_are_found_down_to_the_round_off_level(n: int, M: int) -> None:
+    """Those below it are cut, and the cut is reported."""
     s = 10.0 ** -np.linspace(0.0, 16.0, 40)
     U, A = decaying(n, M, s)
     dictionary = Pod().build(block_of(A))
     kept = int((s > round_off_level(n, M)).sum())
-    assert dictionary.info["numerical_rank"] == kept
+    info = dictionary.info
+    assert info["kept"] == info["numerical_rank"] == kept and info["snapshots"] == M
+    assert "round-off" in str(info["cut"])
     Q = dictionary.atoms
     assert np.abs(Q.T @ Q - np.eye(kept)).max() < 1e-13
     missed = np.linalg.norm(U[:, :kept] - Q @ (Q.T @ U[:, :kept]), axis=0)
     # a direction of singular value s is known to round-off / s, whatever the method
     assert (missed < 50.0 * np.finfo(float).eps / s[:kept] + 1e-13).all()
     assert np.linalg.norm(A - Q @ (Q.T @ A), 2) < 1.1 * round_off_level(n, M)
-
-
-def test_singular_values_of_a_slow_tail_are_those_of_a_dense_svd() -> None:
-    _, A = decaying(400, 500, 10.0 ** -np.linspace(0.0, 3.0, 400))
-    s = left_singular(A, round_off_level(400, 500))[1]
-    np.testing.assert_allclose(s, np.linalg.svd(A, compute_uv=False), rtol=0, atol=1e-14)
-
-
-def test_columns_below_round_off_are_cut_and_reported() -> None:
-    _, A = decaying(200, 150, np.array([1.0, 1e-3, 1e-6, 1e-20]))
-    dictionary = Pod().build(block_of(A))
-    assert dictionary.atoms.shape == (200, 3)
-    assert dictionary.info["kept"] == dictionary.info["numerical_rank"] == 3
-    assert "round-off" in str(dictionary.info["cut"])
-    assert dictionary.info["snapshots"] == 150
 
 
 def test_energy_and_count_keep_as_few_columns_as_they_allow() -> None:
@@ -148,13 +136,6 @@ def test_the_largest_entry_of_each_atom_is_positive() -> None:
     for snapshots in (A, -A):
         atoms = Pod(complete=True).build(block_of(snapshots)).atoms
         assert (atoms[np.abs(atoms).argmax(axis=0), np.arange(40)] > 0).all()
-
-
-def test_a_failed_snapshot_is_named() -> None:
-    A = np.ones((5, 4))
-    A[2, 3] = np.inf
-    with pytest.raises(InputError, match="snapshot 3 of link.thermal"):
-        Pod().build(block_of(A))
 
 
 @pytest.mark.parametrize("size", [1e-200, 1e200])

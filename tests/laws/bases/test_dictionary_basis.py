@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from small_scenes import tiny
 from sparsemor.core import Basis, BlockData, Dictionary
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.assembly import assemble
-from sparsemor.core.scene.scene import load
 from sparsemor.core.simulation.offline import Offline, largest_coefficient
 from sparsemor.core.testing import check_basis
 from sparsemor.core.testing.random_inputs import DISPLACEMENTS, random_block, random_dictionary
@@ -51,21 +51,13 @@ def outside(x: FloatArray, d: Dictionary) -> float:
     return float((np.linalg.norm(rest, axis=0) / np.linalg.norm(x, axis=0)).max())
 
 
-@pytest.mark.full
-@pytest.mark.parametrize(
-    "basis",
-    [
-        Overcomplete(bases=[Modal(), Static()]),
-        Overcomplete(bases=[Pod(centred=True), Modal(count=3)]),
-        Overcomplete(bases=[Pod(), Modal(), Static(rates=(0.0, 5.0))], orthonormal=True),
-        pytest.param(Overcomplete(bases=[Overcomplete(), Pod(complete=True)]),
-                     marks=pytest.mark.full),
-        Overcomplete(tolerance=0.3),
-    ],
-    ids=["modal+static", "centred+modal", "orthonormal", "nested", "coarse"],
-)
+@pytest.mark.parametrize("basis", [
+    Overcomplete(bases=[Pod(centred=True), Modal(count=3)]),
+    Overcomplete(bases=[Pod(), Modal(), Static(rates=(0.0, 5.0))], orthonormal=True),
+    Overcomplete(bases=[Overcomplete(), Pod(complete=True)]), Overcomplete(tolerance=0.3)],
+    ids=["centred+modal", "orthonormal", "nested", "coarse"])
 def test_laws_with_every_option(basis: Overcomplete) -> None:
-    check_basis(basis, seed=2)
+    check_basis(basis, seed=2, trials=3)
 
 
 @pytest.mark.parametrize("orthonormal", [False, True])
@@ -95,13 +87,6 @@ def test_near_duplicates_are_merged_and_named() -> None:
     assert float(kept.info["coherence"]) == pytest.approx(1.0 - 5e-11, abs=1e-15)
 
 
-def test_the_sine_is_right_where_cosines_round_to_one() -> None:
-    for angle, atoms in ((3e-9, 2), (1e-9, 1)):
-        pair = Given(columns=((1, 0, 0, 0), (1, angle, 0, 0)))
-        built = Overcomplete(bases=[pair], tolerance=2e-9).build(block())
-        assert built.atoms.shape[1] == atoms
-
-
 def test_rank_and_coherence_are_reported() -> None:
     skew = Given(columns=((1, 0, 0, 0), (0, 1, 0, 0), (1, 1, 0, 0)))
     built = Overcomplete(bases=[skew]).build(block())
@@ -109,11 +94,6 @@ def test_rank_and_coherence_are_reported() -> None:
     assert built.info["coherence"] == pytest.approx(np.sqrt(0.5), rel=1e-14)
     clean = Overcomplete(bases=[skew], orthonormal=True).build(block())
     assert clean.provenance == ("given 0", "given 1") and clean.info["dependent"] == 1
-
-
-def test_equal_names_are_told_apart() -> None:
-    built = Overcomplete(bases=[Given(columns=((1, 0, 0, 0),)), Given(columns=((0, 1, 0, 0),))])
-    assert built.build(block()).provenance == ("given 0", "given 0 (2)")
 
 
 def test_offsets_stay_or_become_atoms() -> None:
@@ -158,31 +138,10 @@ def test_largest_coefficient_of_coherent_atoms_is_that_of_least_squares() -> Non
 
 
 def test_limits_exist_only_where_there_are_snapshots() -> None:
-    model = assemble(load("double_pendulum", {
-        f"bodies.link{i}.mesh.elements": 320 for i in (1, 2)}))
+    model = assemble(tiny())
     snapshots = {n: np.outer(np.arange(1.0, 1 + model.block_data(n).size), [1.0, 2.0])
                  for n in model.reducible()}
     offline = Offline.from_snapshots(model, snapshots)
-    assert offline.dictionary("link1.elastic", Modal(count=2))[1] == 0.0
-    top = offline.dictionary("link1.elastic", Pod())[1]
-    assert top == pytest.approx(np.linalg.norm(snapshots["link1.elastic"][:, 1]), rel=1e-12)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_pod_is_that_of_pymor(seed: int) -> None:
-    """Peer: pyMOR's POD by the method of snapshots and by QR-SVD, Euclidean product."""
-    from pymor.algorithms.pod import pod
-    from pymor.vectorarrays.numpy import NumpyVectorSpace
-
-    data = random_block(np.random.default_rng(seed))
-    own = Pod(count=4).build(data)
-    for method, tolerance in (("qr_svd", 1e-9), ("method_of_snapshots", 1e-6)):
-        space = NumpyVectorSpace(data.size)
-        in_rows = space.zeros(2).to_numpy().shape == (2, data.size)  # before pyMOR 2025
-        U = space.make_array(data.snapshots.T if in_rows else data.snapshots)
-        peer, values = pod(U, modes=4, method=method)
-        other = peer.to_numpy().T if in_rows else peer.to_numpy()
-        other = other * np.sign((other * own.atoms).sum(axis=0))
-        # a direction of singular value s is known to round-off / s (its square for snapshots')
-        assert np.abs(other - own.atoms).max() < tolerance
-        assert values[3] / values[0] == pytest.approx(own.info["last_singular_value"], rel=1e-6)
+    assert offline.dictionary("bar.elastic", Modal(count=2))[1] == 0.0
+    top = offline.dictionary("bar.elastic", Pod())[1]
+    assert top == pytest.approx(np.linalg.norm(snapshots["bar.elastic"][:, 1]), rel=1e-12)

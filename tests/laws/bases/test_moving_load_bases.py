@@ -7,7 +7,7 @@ import pytest
 from pydantic import ValidationError
 from scipy.sparse.linalg import splu
 
-from moving_plate import STEP, error, full, given, mesh, plate, run
+from moving_plate import error, full, given, mesh, plate, run
 from sparsemor.core import Basis, BlockData, Dictionary
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
@@ -15,7 +15,7 @@ from sparsemor.core.protocols.load_tables import Table, path_rows
 from sparsemor.core.testing import check_basis
 from sparsemor.plugins.bases.attachment import Attachment
 from sparsemor.plugins.bases.impulse import Impulse
-from sparsemor.plugins.bases.load_patterns import likely_states, patch_weights, unit_loads
+from sparsemor.plugins.bases.load_patterns import patch_weights
 from sparsemor.plugins.bases.modal import Modal
 from sparsemor.plugins.bases.pod import Pod
 from sparsemor.plugins.bases.union import Overcomplete
@@ -31,7 +31,7 @@ from sparsemor.reducers.block_counts import most_atoms
     Pod(energy=0.9, centred=True, weights="inverse_sqrt_norm"),
 ], ids=repr)
 def test_laws_with_every_option(basis: Basis) -> None:
-    check_basis(basis, seed=1, trials=9)
+    check_basis(basis, seed=1, trials=3)
 
 
 def orthonormal(basis: Basis, data: BlockData) -> FloatArray:
@@ -120,19 +120,6 @@ def test_pooled_attachment_keeps_what_counts() -> None:
     assert most_atoms(Attachment(count=60), data.size) == 62
 
 
-def test_likely_states_are_those_of_all_delays() -> None:
-    """The doubled sum equals that over each delay, on a basis that holds everything."""
-    heat = plate()[1]
-    X = likely_states(heat, np.eye(heat.size))
-    F, _ = unit_loads(heat, None)
-    factor, W = splu(heat.operator.tocsc()), np.zeros((heat.size, heat.size))
-    x, carried = factor.solve(F), heat.operator - heat.stiffness
-    for _ in range(256):
-        W += x @ x.T
-        x = factor.solve(np.asarray(carried @ x))
-    np.testing.assert_allclose(X @ X.T, W, rtol=0, atol=1e-10 * np.abs(W).max())
-
-
 def test_an_insulated_block_gets_the_uniform_temperature() -> None:
     d = Attachment(dynamic=True).build(plate()[1])
     assert d.provenance[0] == "uniform"
@@ -183,13 +170,6 @@ def test_pooled_impulses_are_orthonormal_and_say_what_they_are_of() -> None:
     assert few.info["positions"] == 6 and few.info["responses"] == 60
 
 
-def test_other_steps_make_other_impulses() -> None:
-    heat = plate()[1]
-    slow = replace(heat, factors=(0.0, 0.1 / STEP), step=10 * STEP)
-    a, b = (Impulse(delays=(0, 4)).build(d).atoms for d in (heat, slow))
-    assert a.shape != b.shape or np.abs(a - b).max() > 1e-2
-
-
 # ------------------------------------------------------------------------ weights
 
 
@@ -205,14 +185,6 @@ def test_weights_count_a_small_start_for_more() -> None:
     errors = [startup(run(heat, given(heat), Pod(count=30, weights=w).build(data).atoms), T)
               for w in ("none", "inverse_sqrt_norm")]
     assert errors[1] < 0.5 * errors[0] and errors[0] > 1e-4, errors
-
-
-def test_all_go_into_one_dictionary() -> None:
-    heat, T = plate()[1], full()[1]
-    both = Overcomplete(bases=[Pod(count=20), Impulse(count=40)], orthonormal=True)
-    atoms = both.build(replace(heat, snapshots=T)).atoms
-    pods = orthonormal(Pod(count=20), replace(heat, snapshots=T))
-    assert error(run(heat, given(heat), atoms), T) < error(run(heat, given(heat), pods), T)
 
 
 # ------------------------------------------------------------------------ refusals

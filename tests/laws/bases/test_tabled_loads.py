@@ -34,7 +34,7 @@ H = 1e-3
     Impulse(superposed=True, count=4),
 ], ids=repr)
 def test_laws_with_the_options(basis: Basis) -> None:
-    check_basis(basis, seed=1, trials=9)
+    check_basis(basis, seed=1, trials=3)
 
 
 @pytest.fixture(scope="module")
@@ -101,13 +101,6 @@ def test_longer_steps_between_delays_lose_little(disk) -> None:
     exact, longer = (Impulse(tabled=20, count=30, substeps=s).build(data) for s in (None, 3))
     assert exact.info["delays"] == longer.info["delays"]
     assert left_out(longer.atoms, T) < 1.5 * left_out(exact.atoms, T) + 1e-4
-
-
-@pytest.mark.full
-def test_displacements_follow_from_shapes_and_temperatures(disk) -> None:
-    data, u = disk[0], disk[2]
-    heat = Impulse(tabled=30, count=40)
-    assert left_out(Attachment(tabled=31, thermal=heat).build(data).atoms, u[:, 3:]) < 2e-2
 
 
 @pytest.mark.parametrize(("basis", "given"), [

@@ -17,31 +17,20 @@ from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.model import Model
 from sparsemor.core.scene.scene import load
 from sparsemor.core.testing import check_basis
-from sparsemor.core.testing.random_inputs import DISPLACEMENTS, random_block, random_heat
+from sparsemor.core.testing.random_inputs import random_heat
 from sparsemor.plugins.bases.modal import CraigBampton, Modal
 from sparsemor.plugins.bases.pod import Pod
 from sparsemor.plugins.bases.static import Static
 from sparsemor.reducers.block_counts import most_atoms
 
 
-@pytest.mark.full
-@pytest.mark.parametrize(
-    "basis",
-    [
-        Modal(count=1),
-        Modal(count=500),
-        Modal(interface="fixed", correction=True),
-        Modal(correction=True, start=False),
-        CraigBampton(count=0),
-        Static(rates=(0.0, 1.0, 100.0), orthonormal=True),
-        Static(thermal=Modal(count=5)),
-        Static(thermoelastic=False),
-        Static(count=3),
-    ],
-    ids=repr,
-)
+@pytest.mark.parametrize("basis", [
+    Modal(count=1), Modal(count=500), Modal(interface="fixed", correction=True),
+    Modal(correction=True, start=False), CraigBampton(count=0),
+    Static(rates=(0.0, 1.0, 100.0), orthonormal=True), Static(thermal=Modal(count=5)),
+    Static(thermoelastic=False), Static(count=3)], ids=repr)
 def test_laws_with_every_option(basis: Modal | CraigBampton | Static) -> None:
-    check_basis(basis, seed=1)
+    check_basis(basis, seed=1, trials=3)
 
 
 @cache
@@ -76,15 +65,6 @@ def test_block_data_names_what_loads_a_block() -> None:
     weight, mass = data.loads[:, [8, 9]].sum(axis=0), data.mass.sum()
     assert weight.sum() == pytest.approx(mass, rel=0.02)  # but for the held displacements
     assert np.array_equal(heat.start, np.full(heat.size, 293.15))
-
-
-@pytest.mark.full
-def test_frequencies_of_the_published_link() -> None:
-    """Chord frame, 1280 triangles: 730, 1652 and 2450 Hz."""
-    info = Modal(count=3).build(pendulum(1280).block_data("link1.elastic")).info
-    shown = [float(f) for f in str(info["frequencies_hz"]).split(", ")]
-    assert shown == pytest.approx([730.180, 1651.60, 2449.87], rel=1e-5)
-    assert info["lowest_frequencies_hz"] == pytest.approx(730.180, rel=1e-5)
 
 
 @pytest.mark.parametrize("interface", ["free", "fixed"])
@@ -131,6 +111,8 @@ def test_static_responses_hold_every_load() -> None:
     dictionary = Static(thermoelastic=False).build(data)
     exact = linalg.solve(data.stiffness.toarray(), data.loads)
     assert outside(exact, dictionary) < 1e-9
+    turned = Static(thermoelastic=False).build(replace(data, loads=-data.loads))
+    assert np.array_equal(turned.atoms, dictionary.atoms)  # signs are those of the atoms
     # weight and inertia of the same direction are one response
     assert dictionary.info["dependent"] == "static gravity x, static gravity y"
     one = exact[:, 6] / np.linalg.norm(exact[:, 6])
@@ -147,13 +129,7 @@ def test_fixed_modes_and_constraint_modes_are_orthogonal_in_energy(count: int) -
     energy = dictionary.atoms.T @ (data.stiffness @ dictionary.atoms)
     mixed = np.abs(energy[:count, count:]).max(initial=0.0)
     assert mixed < 1e-9 * np.abs(energy).max()
-
-
-def test_all_fixed_modes_and_the_constraint_modes_span_the_block() -> None:
-    data = random_block(np.random.default_rng(2), DISPLACEMENTS)
-    atoms = CraigBampton(count=data.size).build(data).atoms
-    assert atoms.shape == (data.size, data.size)
-    assert np.linalg.matrix_rank(atoms) == data.size
+    assert np.linalg.matrix_rank(dictionary.atoms) == count + 4
 
 
 def test_thermoelastic_responses_follow_the_temperatures() -> None:
@@ -250,26 +226,11 @@ def test_a_count_keeps_the_leading_directions_of_the_responses() -> None:
     assert np.linalg.norm(rest) == pytest.approx(np.linalg.norm(singular[2:]), rel=1e-9)
 
 
-def test_orthonormal_responses_span_the_same() -> None:
-    data = link("link1.thermal")
-    rates = (0.0, 1.0, 10.0, 100.0, 1000.0)
-    plain, clean = (Static(rates=rates, orthonormal=o).build(data) for o in (False, True))
-    assert plain.provenance == clean.provenance
-    assert outside(plain.atoms, clean) < 1e-8
-    assert np.abs(clean.atoms.T @ clean.atoms - np.eye(6)).max() < 1e-12
-
-
 def test_a_start_that_modes_do_not_hold_is_added() -> None:
     data = random_heat(np.random.default_rng(1))
     with_start, without = (Modal(count=3, start=s).build(data) for s in (True, False))
     assert with_start.provenance == ("mode 0", "mode 1", "mode 2", "start")
     assert outside(data.start, with_start) < 1e-12 < outside(data.start, without)
-
-
-def test_the_sign_of_an_atom_does_not_depend_on_that_of_the_load() -> None:
-    data = link()
-    turned = replace(data, loads=-data.loads)
-    assert np.array_equal(Static().build(data).atoms, Static().build(turned).atoms)
 
 
 def test_the_largest_dictionary_is_known_beforehand() -> None:

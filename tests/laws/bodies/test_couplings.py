@@ -28,7 +28,7 @@ from tiers import quick
 HOT = ("one.thermal", "two.thermal")
 REDUCERS: dict[str, dict[str, Any]] = {
     use: {"use": use, "basis": {"use": "pod", "count": 12}}
-    for use in ("galerkin", "lspg", "deim", "gnat", "ecsw", "sparse")}
+    for use in ("galerkin", "lspg", "ecsw", "sparse")}
 REDUCERS["sparse"]["sampler"] = {"use": "deim", "method": "qr"}
 LIMITS = {"ecsw": 1e-4}
 
@@ -80,17 +80,6 @@ def test_full_order_is_the_textbook_newton_by_one_factor_of_the_group(textbook: 
     _, memory = fast.solver.start(fast.end)
     assert fast.solver.counters(memory)["factorizations"] == 3  # both temperatures, two bars
     assert max(errors(fast, textbook).values()) < 1e-9
-
-
-@pytest.mark.full
-def test_heat_flows_from_the_warm_bar_into_the_cold_one(textbook: March) -> None:
-    scene = bars(divisions=(6, 2)).using({"reducer": "full", "time.end": 0.02})
-    apart = march(scene)
-    moved = [textbook.block(n)[-1] - apart.block(n)[-1] for n in HOT]
-    assert moved[0].min() < -1.0 and moved[1].max() > 1.0
-    heat = [float((h.capacity @ d).sum())
-            for h, d in zip(apart.model.separated.heat, moved, strict=True)]
-    assert abs(sum(heat)) < 1e-9 * abs(heat[0])  # what leaves one enters the other
 
 
 @pytest.mark.full

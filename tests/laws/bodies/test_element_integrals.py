@@ -50,20 +50,7 @@ def close(one: Any, other: Any) -> None:
     assert not other.size or float(abs(one - other).max()) < 1e-11 * size
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_projected_integrals_are_those_of_the_weighted_matrix(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    body = everything_assembled().separated.moving[0]
-    assert body.operators is not None and body.operators.integrals is not None
-    g = body.operators.integrals().coupling
-    assert g is not None
-    left, right = (rng.standard_normal((n, 3)) for n in g.shape)
-    w = rng.random(g.count) * (rng.random(g.count) < 0.3)
-    want = left.T @ (g.weighted(w) @ right)
-    np.testing.assert_allclose(np.tensordot(w, g.projected(left, right), 1), want, atol=1e-6)
-
-
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(2))
 def test_weighted_stiffness_is_symmetric_and_positive_semidefinite(seed: int) -> None:
     rng = np.random.default_rng(seed)
     model = everything_assembled()
@@ -78,26 +65,3 @@ def test_weighted_stiffness_is_symmetric_and_positive_semidefinite(seed: int) ->
         size = max(float(abs(A).max()), 1e-300)
         assert abs(A - A.T).max() <= 1e-13 * size
         assert np.linalg.eigvalsh(A).min() > -1e-12 * size
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_contributions_of_radiation_add_up_and_weights_scale_them(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    model = everything_assembled()
-    terms = [t for b in model.separated.heat for t in b.local]
-    assert len(terms) == 4
-    for term in terms:
-        assert term.weighs_elements
-        n, m = len(term.columns), len(term.rows)
-        left, x, t = rng.standard_normal((3, m)), 300 + 200 * rng.random((n, 4)), rng.random(4)
-        zero = np.zeros(n)
-        shares = term.contributions(left, x, np.zeros_like(x), t)
-        want = [left @ term.residual(x[:, i], zero, zero, float(t[i])) for i in range(4)]
-        np.testing.assert_allclose(shares.sum(axis=0), np.array(want).T, rtol=1e-10, atol=1e-9)
-        w = rng.random(term.elements) * (rng.random(term.elements) < 0.5)
-        few = term.weighted(w)
-        assert few.elements == np.count_nonzero(w)
-        assert np.isin(few.rows, term.rows).all()
-        at, there = np.searchsorted(term.rows, few.rows), np.searchsorted(term.columns, few.columns)
-        r = few.residual(x[there, 0], zero[there], zero[there], float(t[0]))
-        np.testing.assert_allclose(left[:, at] @ r, np.tensordot(w, shares[:, :, 0], 1), atol=1e-8)

@@ -4,12 +4,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from sparsemor.core import TimeFunction
 from sparsemor.core.protocols.time_function import Held, Prescribed, time_derivatives
+from sparsemor.core.testing import check_function
 from sparsemor.plugins.functions import (
     Constant,
     Product,
@@ -37,10 +36,8 @@ ALL: list[TimeFunction] = [
 
 
 @pytest.mark.parametrize("function", ALL, ids=repr)
-def test_the_rate_is_the_slope_between_kinks(function: TimeFunction) -> None:
-    for t in np.arange(-0.75, 4.0, 0.16):
-        slope = (function.value(t + 1e-6) - function.value(t - 1e-6)) / 2e-6
-        assert function.rate(t) == pytest.approx(slope, abs=1e-7)
+def test_laws_with_every_option(function: TimeFunction) -> None:
+    check_function(function)
 
 
 @pytest.mark.parametrize("function", ALL[1:5], ids=repr)
@@ -49,13 +46,6 @@ def test_at_a_kink_the_rate_is_the_one_to_the_right(function: TimeFunction) -> N
         if function.value(t + 1e-6) == pytest.approx(function.value(t), abs=1e-4):
             slope = (function.value(t + 1e-6) - function.value(t)) / 1e-6
             assert function.rate(t) == pytest.approx(slope, abs=1e-7)
-
-
-@pytest.mark.parametrize("function", ALL, ids=repr)
-def test_the_curvature_is_the_slope_of_the_rate_between_kinks(function: TimeFunction) -> None:
-    for t in np.arange(-0.75, 4.0, 0.16):
-        slope = (function.rate(t + 1e-6) - function.rate(t - 1e-6)) / 2e-6
-        assert function.curvature(t) == pytest.approx(slope, abs=1e-7)
 
 
 class RateOnly(TimeFunction):
@@ -99,14 +89,6 @@ def test_derivatives_from_the_right_with_the_step_as_scale(w: float) -> None:
 def test_values(function: TimeFunction, points: dict[float, float]) -> None:
     for t, value in points.items():
         assert function.value(t) == pytest.approx(value)
-
-
-@given(st.floats(-1e3, 1e3), st.lists(st.floats(-1e6, 1e6), min_size=2, max_size=8))
-def test_a_table_agrees_with_linear_interpolation(t: float, values: list[float]) -> None:
-    times = tuple(float(i * i) for i in range(len(values)))
-    table = TabulatedFunction(times=times, values=tuple(values))
-    expected = float(np.interp(t, times, values))
-    assert table.value(t) == pytest.approx(expected, rel=1e-9, abs=1e-6)
 
 
 def test_a_number_is_a_constant_function() -> None:

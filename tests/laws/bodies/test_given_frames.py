@@ -4,20 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import linalg
 
 from sparsemor.core import Dictionary
-from sparsemor.core.protocols.body_frame import FrameWork
 from sparsemor.core.testing.in_memory_run import March, march
-from sparsemor.reducers.linalg import coarse_correction as coarse
 from sparsemor.reducers.linalg.modal_coordinates import modal_coordinates
-from sparsemor.reducers.projection.galerkin import Galerkin
 from sparsemor.reducers.step.blockwise_solver import BlockwiseSolver
 from sparsemor.reducers.step.reduced_equations import Reduced
 from sparsemor.reducers.step.reduced_mechanics import LoopMechanics, ReducedMechanics
-from sparsemor.reducers.step.thermal_block import CompressedHeat
-from sparsemor.reducers.step.time_tables import TimeTable
-from turning_bars import H, bar, plane_bar, turning
+from turning_bars import bar, plane_bar, turning
 
 TURNING = [(5e12, 60.0), (5e5, 60.0), (5e4, 400.0)]
 """Pa, rad/s"""
@@ -31,9 +25,9 @@ def differ(one: March, other: March) -> float:
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("make, size", [(bar, 4), (plane_bar, 3)])
-@pytest.mark.parametrize("E, spin", [
-    pytest.param(*at, marks=[pytest.mark.full] * (at == (5e5, 60.0))) for at in TURNING])
+@pytest.mark.parametrize("make, size, E, spin", [
+    (bar, 4, *TURNING[0]), (plane_bar, 3, *TURNING[1]), (bar, 4, *TURNING[2]),
+    (plane_bar, 3, *TURNING[2])])
 def test_what_turns_with_the_frame_is_solved_for_however_much_it_is(make, size, E, spin) -> None:
     """From a contraction of 1e-4 to one that has to be accelerated, against the textbook Newton."""
     fast = march(make(E), model=turning(make(E), spin, size))
@@ -59,8 +53,8 @@ def test_atoms_that_hold_the_motion_repeat_it(make, size) -> None:
     assert np.abs(x - y)[1:].max() < 1e-8 * np.abs(y).max()
 
 
-@pytest.mark.parametrize("make, size", [(bar, 4), (plane_bar, 3)])
-@pytest.mark.parametrize("polish", [False, True])
+@pytest.mark.full
+@pytest.mark.parametrize("make, size, polish", [(bar, 4, True), (plane_bar, 3, False)])
 def test_atoms_are_chosen_without_the_forms_that_only_rigid_equations_need(
     make, size, polish,
 ) -> None:
@@ -82,50 +76,9 @@ def test_atoms_are_chosen_without_the_forms_that_only_rigid_equations_need(
     assert not got.solver.steps.elastic["bar.elastic"].compressed[0].quadratic.size
 
 
-@pytest.mark.full
-def test_a_body_at_rest_is_one_product_and_one_that_turns_a_few() -> None:
-    for use in ({"use": "full"}, {"use": "galerkin", "basis": {"use": "modal", "count": 5}}):
-        scene = bar(5e8, **use)
-        assert set(march(scene, model=turning(scene, 0.0, 4)).iterations) <= {1, 2, 3, 4}
-        tree = scene.using({"bodies.bar.frame": "fixed"})
-        assert set(march(tree).iterations) == {1}
-
-
 def equations(solver: object) -> Reduced:
     assert isinstance(solver, BlockwiseSolver) and isinstance(solver.mechanics, ReducedMechanics)
     return solver.mechanics.equations
-
-
-@pytest.mark.full
-def test_what_a_step_reads_does_not_grow_with_the_mesh_nor_by_rows_for_the_rigid_ones() -> None:
-    read = []
-    for divisions in ((3, 1, 1), (8, 3, 2)):
-        scene = bar(5e8, divisions, use="galerkin", basis={"use": "modal", "count": 5})
-        solver = march(scene, model=turning(scene, 60.0, 4)).solver
-        eq = equations(solver)
-        (driven,) = eq.prescribed_bodies
-        assert driven.G.shape == (3, 5, 5)
-        read.append([driven.table.at(0.0).shape, *(
-            part.A.shape for part in (*eq.of_motion, *eq.thermal))])
-    assert read[0] == read[1]
-
-
-@pytest.mark.parametrize("make, size", [(bar, 4), (plane_bar, 3)])
-def test_a_frame_gives_the_same_with_and_without_derivatives(make, size) -> None:
-    (body,) = turning(make(5e8), 60.0, size).separated.moving
-    f, guide = body.frame, body.guide
-    assert guide is not None and f.border == size
-    one, other = (FrameWork(f.p, f.border, f.generators) for _ in range(2))
-    rng, g, known = np.random.default_rng(0), f.generators, guide.at(3 * H)
-    s, forms = rng.standard_normal((3, f.p)), rng.standard_normal(3 * g)
-    f.evaluate(*known, 1e3, 1e6, s, forms, 3 * H, one)
-    f.drive(*known, 3 * H, other)
-    assert one.sigma[-1].any() and one.coefficients[:-1].any()
-    assert np.array_equal(one.sigma[-1], other.sigma[-1])
-    assert np.array_equal(one.coefficients, other.coefficients)
-
-
-POD = {"use": "galerkin", "basis": "pod"}
 
 
 @pytest.fixture(scope="module")
@@ -138,28 +91,6 @@ def reduced(full: March, reducer: dict[str, object]) -> March:
     snapshots = {b.name: full.block(b.name).T.copy() for b in full.model.layout}
     scene = bar(5e6, **reducer)
     return march(scene, model=turning(scene, 60.0, 4), snapshots=snapshots)
-
-
-def decoded(run: March, name: str) -> np.ndarray:
-    d = run.solver.dictionaries[name]
-    return np.asarray(d.offset + run.block(name) @ d.atoms.T)
-
-
-@pytest.mark.full
-def test_coordinates_change_nothing_in_the_span(full, monkeypatch) -> None:
-    turned = reduced(full, POD)
-    assert isinstance(turned.solver, BlockwiseSolver)
-    heat = turned.solver.heat["bar.thermal"]
-    assert isinstance(heat, CompressedHeat)
-    assert {part.A.ndim for part in equations(turned.solver).of_motion} == {1}
-    assert heat.by_rate.ndim == heat.by_value.ndim == 1
-    monkeypatch.setattr(Galerkin, "in_modes", lambda *given: {})
-    plain = reduced(full, POD)
-    assert {part.A.ndim for part in equations(plain.solver).of_motion} == {2}
-    for name in ("bar.elastic", "bar.thermal"):
-        one, other = decoded(turned, name), decoded(plain, name)
-        assert np.abs(one - other).max() < 1e-12 * np.abs(other).max()
-        assert not np.allclose(turned.block(name)[-1], plain.block(name)[-1])
 
 
 def test_atoms_are_modes_of_the_same_span(full) -> None:
@@ -194,27 +125,6 @@ def test_atoms_that_are_not_orthonormal_keep_their_coordinates(full) -> None:
     assert modal_coordinates(doubled, body.operators.stiffness, body.operators.mass, "Hz") is None
 
 
-def test_known_rows_are_what_the_source_gives() -> None:
-    asked: list[list[float]] = []
-
-    def source(times: np.ndarray) -> np.ndarray:
-        asked.append(times.tolist())
-        return np.stack([np.sin(times), times], axis=1)
-
-    times = 1e-3 * np.arange(5)
-    known = TimeTable.tabulate(source, times)
-    assert asked == [times.tolist()]
-    for t in (*times, times[3] + 1e-16):
-        assert np.array_equal(known.at(t), known.at(round(t, 9)))
-    assert known.along(times) is known.rows
-    assert len(asked) == 1
-    for t in (0.0005, -1e-3, 0.005):  # between and outside
-        assert np.array_equal(known.at(t), [np.sin(t), t])
-    assert asked[1:] == [[0.0005], [-1e-3], [0.005]]
-    assert np.array_equal(known.along(times[1:3]), source(times[1:3]))
-    assert np.array_equal(TimeTable(source).at(0.3), [np.sin(0.3), 0.3])
-
-
 @pytest.mark.full
 @pytest.mark.parametrize("E, spin", TURNING)
 def test_full_order_corrected_in_soft_modes_is_that_of_newton(E, spin) -> None:
@@ -226,22 +136,3 @@ def test_full_order_corrected_in_soft_modes_is_that_of_newton(E, spin) -> None:
     assert mechanics.equations.bodies[0].coarse.Z.shape[1] > 0
     scene = bar(E, fine, method="newton")
     assert differ(fast, march(scene, model=turning(scene, spin, 4))) < 1e-9
-
-
-@pytest.mark.full
-def test_soft_modes_save_full_order_a_solve(monkeypatch) -> None:
-    scene = bar(5e9, (8, 3, 2))
-    corrected = march(scene, model=turning(scene, 60.0, 4))
-    assert isinstance(corrected.solver, BlockwiseSolver)
-    mechanics = corrected.solver.mechanics
-    assert isinstance(mechanics, LoopMechanics)
-    block = mechanics.equations.bodies[0]
-    Z, o = block.coarse.Z, block.ops
-    D = (o.stiffness + o.damping / H + o.mass / H**2).toarray()
-    assert np.abs(Z.T @ D @ Z - np.eye(Z.shape[1])).max() < 1e-9
-    counts = linalg.eigh(o.mass.toarray(), D, eigvals_only=True)[::-1]
-    assert block.coarse.contraction >= np.sqrt(counts[0] * counts[Z.shape[1]])  # on the safe side
-    monkeypatch.setattr(coarse, "MODES", 0)
-    plain = march(scene, model=turning(scene, 60.0, 4))
-    assert differ(corrected, plain) < 1e-12
-    assert np.all(np.array(corrected.iterations) < plain.iterations)

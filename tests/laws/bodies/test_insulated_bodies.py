@@ -57,10 +57,9 @@ def drawn(seed: int) -> Scene:
     return scene_of({"bodies": bodies, "time": {"end": 5e-3, "step": 1e-3}})
 
 
-@pytest.mark.parametrize("reducer", ["galerkin", "lspg", "deim", "gnat", "ecsw"])
-@pytest.mark.parametrize("seeds", quick((range(3), range(3, 10)), range(3)), ids=("few", "more"))
-def test_random_insulated_plates_keep_their_temperature(reducer: str, seeds: range) -> None:
-    for seed in seeds:
+@pytest.mark.parametrize("reducer", quick(["galerkin", "lspg", "deim", "gnat", "ecsw"], "galerkin"))
+def test_random_insulated_plates_keep_their_temperature(reducer: str) -> None:
+    for seed in range(3):
         scene = drawn(seed)
         reference = march(scene.using({"reducer": "full"}))
         basis = {"use": "pod", "count": 1, "centred": False}
@@ -71,7 +70,7 @@ def test_random_insulated_plates_keep_their_temperature(reducer: str, seeds: ran
             np.testing.assert_allclose(T, 0.0 * T + reference.block(name)[0], rtol=1e-8)
 
 
-@pytest.mark.parametrize("factor", [1e-200, 1e-30, 1.0, 1e30, 1e200])
+@pytest.mark.parametrize("factor", [1e-200, 1.0, 1e200])
 def test_modes_of_an_insulated_body_do_not_depend_on_the_units_of_its_matrices(
     factor: float,
 ) -> None:

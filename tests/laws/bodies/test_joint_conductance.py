@@ -11,7 +11,6 @@ from sparsemor.core.model.assembly import assemble
 from sparsemor.core.notes import Level
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
-from tiers import quick
 
 ALUMINIUM = {"E": 7e10, "nu": 0.3, "rho": 2700.0, "alpha": 2e-5, "k": 200.0, "c": 900.0}
 
@@ -43,7 +42,8 @@ def means(run: March) -> tuple[float, float]:
     return tuple(float(run.block(f"{n}.thermal")[-1].mean()) for n in "ab")  # type: ignore
 
 
-@pytest.mark.parametrize("order", quick([1, 2], 1))
+@pytest.mark.full
+@pytest.mark.parametrize("order", [1, 2])
 def test_two_welded_bars_share_their_heat(order: int) -> None:
     """Equal bars tend to the mean of their temperatures, 343.15 K, and no heat is lost."""
     run = march(welded({"conductance": 50.0}, 1000.0, order))

@@ -139,15 +139,6 @@ def test_curves_are_equal_by_their_options_also_once_evaluated() -> None:
     assert Isotropic(k=one, c=one, rho=1.0) == Isotropic(k=same, c=same, rho=1.0)
 
 
-def test_constant_matrices_have_the_properties_at_the_reference_temperature() -> None:
-    """The rest is a pointwise law: none for constants."""
-    curved = two(material={**STEEL, "k": CURVE}, reference_temperature=446.575)
-    (heat,), (plain,) = curved.separated.heat, two(material={**STEEL, "k": 40.0}).separated.heat
-    assert abs(heat.conductivity - plain.conductivity).max() < 1e-12 * abs(plain.conductivity).max()
-    assert len(heat.local) == 1 and not plain.local
-    assert curved.parts["bar"].temperature_limits == {"material.k": (293.15, 600.0)}
-
-
 @pytest.mark.full
 def test_a_run_outside_the_range_of_a_property_has_a_warning(tmp_path: Path) -> None:
     bar = {"use": "flexible", "thickness": 0.01, "fields": ["thermal"], "frame": "fixed",

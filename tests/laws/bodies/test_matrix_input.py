@@ -75,12 +75,6 @@ def test_matrices_of_no_free_body_are_refused(which: str, tmp_path: Path) -> Non
     assert [f.key.endswith(key) for f in found.value.faults] == [True]
 
 
-def test_one_triangle_is_mirrored(tmp_path: Path) -> None:
-    whole, half = build(tmp_path, {}), build(tmp_path, {}, K=np.triu(K), M=np.tril(M))
-    np.testing.assert_array_equal(half.elasticity.stiffness.toarray(),
-                                  whole.elasticity.stiffness.toarray())
-
-
 def test_each_entry_or_its_mirror_image_alone(tmp_path: Path) -> None:
     """As codes write that have their unknowns in an order of their own."""
     half = K.copy()

@@ -8,19 +8,13 @@ import meshio
 import numpy as np
 import pytest
 
-from sparsemor.bodies.mesh.generators.rectangle import Rectangle
 from sparsemor.bodies.mesh.mesh_checks_and_repairs import check_mesh
 from sparsemor.bodies.mesh.mesh_file import MeshFile
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.protocols.mesh import Mesh
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 HALVES = np.array([[0, 1, 2], [0, 2, 3]])
-
-
-def plate() -> Mesh:
-    return Rectangle(size=(1.0, 0.1), divisions=(10, 2)).build(Path())
 
 
 def written(folder: Path, name: str, points: Any, cells: list[Any], **more: Any) -> MeshFile:
@@ -32,28 +26,6 @@ def written(folder: Path, name: str, points: Any, cells: list[Any], **more: Any)
 def flat(points: Any) -> FloatArray:
     plane = np.asarray(points, dtype=np.float64)
     return np.column_stack([plane, np.zeros(len(plane))])
-
-
-def test_gmsh_groups_become_sets(tmp_path: Path) -> None:
-    source = plate()
-    top = source.point_sets["top"]
-    lines = np.stack([top[:-1], top[1:]], axis=1)
-    tags = [np.full(len(lines), 3), np.array([4]), np.full(len(source.cells), 1)]
-    plugin = written(
-        tmp_path, "plate.msh",
-        np.vstack([flat(source.points), [[9.0, 9.0, 0.0]]]),  # a point in no cell
-        [("line", lines), ("vertex", source.point_sets["top_left"][:, None]),
-         ("triangle", source.cells)],
-        cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags},
-        field_data={"upper edge": np.array([3, 1])},
-    )
-    built = plugin.build(tmp_path)
-    assert built.dimension == 2
-    np.testing.assert_allclose(built.points, source.points)
-    np.testing.assert_array_equal(built.cells, source.cells)
-    np.testing.assert_array_equal(built.point_sets["upper edge"], top)
-    np.testing.assert_array_equal(built.point_sets["point_4"], source.point_sets["top_left"])
-    assert len(built.point_sets["surface_1"]) == len(source.points)
 
 
 GMSH = """$MeshFormat
@@ -90,24 +62,6 @@ $Elements
 3 1 3 4
 $EndElements
 """
-
-
-def test_gmsh_as_it_writes_today(tmp_path: Path) -> None:
-    (tmp_path / "sheet.msh").write_text(GMSH)
-    built = MeshFile(path="sheet.msh").build(tmp_path)
-    np.testing.assert_array_equal(built.cells, HALVES)
-    sets = {name: points.tolist() for name, points in built.point_sets.items()}
-    assert sets == {"lower edge": [0, 1], "sheet": [0, 1, 2, 3]}
-
-
-def test_sets_of_cells_and_points(tmp_path: Path) -> None:
-    plugin = written(
-        tmp_path, "square.inp", flat(SQUARE), [("triangle", HALVES)],
-        point_sets={"diagonal": np.array([2, 0])}, cell_sets={"lower": [np.array([0])]},
-    )
-    sets = plugin.build(tmp_path).point_sets
-    np.testing.assert_array_equal(sets["diagonal"], [0, 2])
-    np.testing.assert_array_equal(sets["lower"], [0, 1, 2])
 
 
 def test_tetrahedra_and_scale(tmp_path: Path) -> None:

@@ -1,13 +1,11 @@
 """What can be wrong with a mesh, a set or a material is named, with its place."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from sparsemor.bodies.material import Isotropic, require
 from sparsemor.bodies.mesh.generators.link import Link
 from sparsemor.bodies.mesh.generators.rectangle import Rectangle
 from sparsemor.bodies.mesh.mesh_checks_and_repairs import check_mesh
@@ -84,13 +82,6 @@ def test_unknown_set_names_the_near_one_first() -> None:
     np.testing.assert_array_equal(find_set(plate(), "left", ""), [0, 1, 2])
 
 
-def test_sets_of_a_mesh_are_not_changed_in_place() -> None:
-    source = plate()
-    copy = replace(source, point_sets=dict(source.point_sets))
-    with_sets(source, {"probe": PointSet(nearest=[0.0, 0.0])})
-    assert set(source.point_sets) == set(copy.point_sets)
-
-
 # --------------------------------------------------------------------------- checks
 
 
@@ -156,21 +147,3 @@ def test_link_must_fit() -> None:
 def test_rectangle_options(options: dict[str, object]) -> None:
     with pytest.raises(ValidationError):
         Rectangle.model_validate({"size": [1, 1], "divisions": [1, 1]} | options)
-
-
-# --------------------------------------------------------------------------- material
-
-
-@pytest.mark.parametrize("options", [{"E": 0}, {"nu": 0.5}, {"nu": -1}, {"rho": -1}, {"k": 0}])
-def test_material_bounds(options: dict[str, float]) -> None:
-    with pytest.raises(ValidationError):
-        Isotropic.model_validate({"rho": 1000} | options)
-
-
-def test_missing_constants_are_all_named() -> None:
-    steel = Isotropic(rho=7850, nu=0.3)
-    with pytest.raises(InputError) as caught:
-        require(steel, ("E", "nu", "k"), "elastic")
-    assert [fault.key for fault in caught.value.faults] == ["E", "k"]
-    assert "the elastic field needs it (Young's modulus, Pa)" in caught.value.faults[0].message
-    assert require(steel, ("nu", "rho"), "elastic") == (0.3, 7850.0)

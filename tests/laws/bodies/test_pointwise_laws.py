@@ -68,16 +68,6 @@ def test_derivatives_of_a_law_are_those_of_its_values(name: str) -> None:
                 rtol=1e-5, atol=1e-5 * size)
 
 
-@pytest.mark.parametrize("name", LAWS)
-def test_values_that_are_constant_in_an_element_broadcast(name: str) -> None:
-    law, rng = LAWS[name], np.random.default_rng(2)
-    z, x = drawn(law, rng), rng.random((2, 5, 3))
-    few = [a if v.axis is None else a[:, :1] for a, v in zip(z, law.reads, strict=True)]
-    wide = [np.ascontiguousarray(np.broadcast_to(a, (5, 3))) for a in few]
-    for a, b in zip(law(few, x, 0.1).y, law(wide, x, 0.1).y, strict=True):
-        np.testing.assert_array_equal(np.broadcast_to(a, (5, 3)), b)
-
-
 @pytest.mark.parametrize("name", [n for n, one in LAWS.items() if n not in ("radiation", "film")])
 def test_functions_on_arrays_are_the_laws(name: str) -> None:
     law, rng = LAWS[name], np.random.default_rng(3)
@@ -155,24 +145,6 @@ def states(term: Term, model: Model, rng: np.random.Generator) -> tuple[FloatArr
     return x, rng.standard_normal(n)
 
 
-@pytest.mark.parametrize("d", [2, 3])
-def test_nonlinear_strains_of_an_undeformed_body_are_linear_ones(d: int) -> None:
-    """Forces of E(T) and alpha(T) beyond those of constant properties are equal."""
-    found = []
-    for strains in ("linear", "nonlinear"):
-        model = hot(d, strains=strains)
-        x, zero = model.x0.copy(), np.zeros(model.layout.size)
-        x[model.layout["bar.thermal"]] += 200.0
-        total = np.zeros(model.layout.size)
-        for term in terms(model):
-            if isinstance(term.law, Softening | Expansion | NonlinearStrains):
-                at = term.columns
-                total[term.rows] += term.residual(x[at], zero[at], zero[at], 0.0)
-        found.append(total)
-    assert np.abs(found[0]).max() > 0.0
-    np.testing.assert_allclose(found[1], found[0], rtol=0, atol=1e-9 * np.abs(found[0]).max())
-
-
 @pytest.mark.parametrize(("d", "strains"), [(2, "linear"), (3, "linear"), (2, "nonlinear")])
 def test_points_and_elements_give_the_same_projection(d: int, strains: str) -> None:
     """z = P c + o, r = L y, J = (L dy/dz) P against the projected element-wise evaluation."""
@@ -218,20 +190,3 @@ def test_contributions_add_up_and_weights_scale_them(d: int) -> None:
         r = some.residual(x[there], v[there], zero[there], 0.2)
         np.testing.assert_allclose(left[:, at] @ r, np.tensordot(w, shares[:, :, 0], 1),
                                    rtol=0, atol=1e-10 * size.max())
-
-
-@pytest.mark.full
-def test_a_reduced_term_holds_no_more_than_its_points() -> None:
-    """Rows of two nodes: the elements around them, whatever the mesh."""
-    sizes = []
-    for divisions in ([10, 5], [40, 20]):
-        mesh = {"use": "rectangle", "size": [0.2, 0.1], "divisions": divisions}
-        model = hot(2, mesh=mesh)
-        term = next(t for t in terms(model) if isinstance(t.law, Conduction))
-        left = np.zeros((2, len(term.rows)))
-        left[0, 7], left[1, 8] = 1.0, 2.0
-        k = np.eye(len(term.columns))[:, :3]
-        made = term.compress(Trial(k, np.zeros(len(k))), left)
-        sizes.append(sum(a.size for a in (made.P, made.offset, made.weights, *made.tests)))
-        assert made.elements <= 12
-    assert max(sizes) <= 600

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from sparsemor import load_model, reduce, simulate
-from sparsemor.bodies.terms.point_term import PointTerm
-from sparsemor.bodies.terms.polynomial_term import MOST, PolynomialTerm
+from sparsemor.bodies.terms.polynomial_term import PolynomialTerm
 from sparsemor.bodies.terms.weak_term import WeakTerm
 from sparsemor.core import Trial
 from sparsemor.core.model.assembly import assemble
@@ -43,8 +42,8 @@ def scene(d: int, order: int, hot: bool, n: int = 4, **more: Any) -> Scene:
         **more})
 
 
-@pytest.mark.parametrize(("d", "order"), [(2, 1), (2, 2), (3, 1), full(3, 2)])
-@pytest.mark.parametrize("hot", [False, True])
+@pytest.mark.parametrize(("d", "order", "hot"), [
+    (2, 1, True), full(2, 2, False), full(2, 2, True), full(3, 1, False), full(3, 2, True)])
 def test_the_polynomial_is_the_sum_over_elements(d: int, order: int, hot: bool) -> None:
     """Force and tangent, with and without an offset of the atoms, under any test basis, and as a
     law on arrays."""
@@ -71,24 +70,6 @@ def test_the_polynomial_is_the_sum_over_elements(d: int, order: int, hot: bool) 
     check_term(term, rng, base=base, scale=1e-3, trials=1, rtol=1e-5, same_rates=True)
 
 
-def test_the_cheaper_of_points_and_polynomial_is_taken() -> None:
-    """Points where few elements are left, as of sampled rows, and beyond the stated limit."""
-    model, rng = assemble(scene(2, 1, False, n=24)), np.random.default_rng(1)
-    term, = (t for t in model.terms if isinstance(t, WeakTerm))
-    few = np.zeros((8, len(term.rows)))
-    few[:, :4] = 1.0
-    atoms = rng.standard_normal((len(term.columns), MOST + 1))
-    for k, left in ((8, few), (MOST + 1, rng.standard_normal((1, len(term.rows))))):
-        made = term.compress(Trial(atoms[:, :k], np.zeros(len(atoms))), left)
-        assert isinstance(made, PointTerm)
-    curve = {**STEEL, "E": {"temperatures": [250, 900], "values": [2e11, 1e11]}}
-    warm = assemble(scene(2, 1, True, n=24).using({"bodies.bar.material": curve}))
-    term = next(t for t in warm.terms if isinstance(t, WeakTerm) and len(t.law.tests) == 4)
-    made = term.compress(Trial(1e-3 * rng.standard_normal((len(term.columns), 2)), np.full(
-        len(term.columns), 300.0)), rng.standard_normal((1, len(term.rows))))
-    assert isinstance(made, PointTerm)
-
-
 @pytest.mark.full
 @pytest.mark.parametrize(("d", "hot"), [(2, False), (3, False), (2, True)])
 def test_a_reduced_run_visits_no_element(d: int, hot: bool, tmp_path: Path) -> None:
@@ -104,14 +85,3 @@ def test_a_reduced_run_visits_no_element(d: int, hot: bool, tmp_path: Path) -> N
     kept = load_model(tmp_path / "bar.model").run(change)
     np.testing.assert_allclose(kept.probe("end"), model.run(change).probe("end"), rtol=0,
                                atol=1e-10)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("d", "hot"), [(3, False), (2, True)])
-def test_the_polynomial_is_compiled(d: int, hot: bool) -> None:
-    """Machine code of its steps, in the plane and in space."""
-    of = scene(d, 2, hot, n=8, reducer={
-        "use": "galerkin", "basis": {"use": "pod", "count": 4}})
-    run, compiled = simulate(of), simulate(of.using({"reducer.compiled": "on"}))
-    assert not any("compiled" in n for n in compiled.summary["notes"]), compiled.summary["notes"]
-    np.testing.assert_allclose(compiled.probe("end"), run.probe("end"), rtol=0, atol=1e-9)

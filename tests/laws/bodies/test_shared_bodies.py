@@ -4,7 +4,6 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from sparsemor import load, simulate
@@ -14,8 +13,6 @@ from sparsemor.core.model.assembly import BodyCache, without_fields
 from sparsemor.core.simulation import rigid_stage, training
 from sparsemor.core.simulation import validation as checks
 from sparsemor.core.simulation.cache import Cache
-from sparsemor.core.simulation.rigid_stage import rigid_scene
-from sparsemor.core.simulation.validation import checked_model
 from sparsemor.core.testing import installed
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -56,30 +53,6 @@ def test_a_two_stage_run_builds_each_body_once(made: Counter[str], tmp_path: Pat
     assert made["conductivity"] == heated
     # the check, the rigid stage, the run, and the run that it is trained on
     assert made["models"] == 4
-
-
-@pytest.mark.full
-def test_a_run_in_one_stage_shares_its_bodies_with_its_training(
-    made: Counter[str], tmp_path: Path
-) -> None:
-    scene = load(SCENES / "tiny.yaml", {"time.end": 0.002, "training.end": 0.002, "reducer": {
-        "use": "galerkin", "basis": {"use": "pod", "count": 2}}, "check_stability": "off"})
-    simulate(scene, cache=Cache(tmp_path))
-    assert made["meshes"] == len([p for p in scene.bodies.values() if isinstance(p, Flexible)])
-    assert made["models"] == 2
-
-
-@pytest.mark.full
-def test_a_bare_body_is_the_one_that_is_built_without_fields() -> None:
-    scene = load(SCENES / "small_brake.yaml")
-    shared, alone = BodyCache(), BodyCache()
-    checked_model(scene, shared)
-    for name, plugin in rigid_scene(scene).bodies.items():
-        one, other = (body_cache.body(plugin, name, Path()) for body_cache in (shared, alone))
-        assert one.elasticity is other.elasticity is one.heat is other.heat is None
-        np.testing.assert_array_equal(one.X, other.X)
-        np.testing.assert_array_equal(one.pose, other.pose)
-        assert one.inertia is other.inertia or one.inertia.mass == other.inertia.mass
 
 
 @pytest.mark.full

@@ -17,7 +17,7 @@ from sparsemor.bodies.loads.surface_heat import GreyBody
 from sparsemor.bodies.mesh.generators.block import BlockMesh
 from sparsemor.core import FloatArray, Mesh, Table
 from sparsemor.core.model.assembly import assemble
-from sparsemor.core.model.equations import AssembledTerm, system_jacobian, system_residual
+from sparsemor.core.model.equations import AssembledTerm
 from sparsemor.core.model.frame_equations import FrameEquations
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols.body_frame import FrameWork
@@ -154,28 +154,6 @@ def test_every_term_has_one_owner_in_the_fast_step(model: Model) -> None:
     assert model.separated.other == ()
 
 
-def test_constraints_hold_at_the_start(model: Model) -> None:
-    zero = np.zeros(model.layout.size)
-    r = system_residual(model.layout, model.terms, model.x0, zero, zero, 0.0)
-    r = r[model.layout.algebraic]
-    drive = model.layout["drive.multiplier"].start - model.layout.algebraic.start
-    r[drive] += 0.01  # the driven point jumps
-    assert np.abs(r).max() < 1e-12
-
-
-@pytest.mark.parametrize("name", ["bar", "one", "four", "held"])
-def test_reactions_do_the_work_of_the_constraints(model: Model, name: str) -> None:
-    """Jacobian blocks of constraints and of multipliers are transposes: forces of joints do no
-    work on motion that the joints allow, up to the direction of the quaternions themselves."""
-    n, layout = model.layout.size, model.layout
-    zero, x = np.zeros(n), model.x0.copy()
-    K = system_jacobian(layout, model.terms, x, zero, zero, 0.0, zero, zero).toarray()
-    for field in ("rigid", "elastic"):
-        if f"{name}.{field}" in layout:
-            rows, lam = layout[f"{name}.{field}"], layout.algebraic
-            np.testing.assert_allclose(K[rows, lam], K[lam, rows].T, rtol=0, atol=1e-12)
-
-
 def test_radiation_of_a_triangle_is_integrated_exactly() -> None:
     """T^4 phi is of degree 5: against integrals of monomials in area coordinates."""
     mesh = Mesh(np.vstack([np.zeros(3), np.eye(3)]), np.array([[0, 1, 2, 3]]))
@@ -193,7 +171,7 @@ def test_the_bordered_and_the_textbook_step_agree() -> None:
     scene = everything()
     for redundant in ("drive", "track", "shaft", "link", "brake"):
         del scene["joints"][redundant]
-    scene["time"] = {"end": 0.005, "step": 1e-3}
+    scene["time"] = {"end": 0.002, "step": 1e-3}
     runs = [march(scene_of({**scene, "reducer": {"use": "full", "method": m}}))
             for m in ("bordered", "newton")]
     second = runs[0].model.layout.second

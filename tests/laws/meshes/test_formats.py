@@ -16,7 +16,7 @@ from sparsemor.bodies.mesh.mesh_file import MeshFile
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.mesh import Mesh
 
-SEEDS = 5
+SEEDS = 4
 
 
 def build(folder: Path, name: str, content: str | bytes) -> Mesh:
@@ -67,7 +67,7 @@ def test_nastran_in_any_form(d: int, tmp_path: Path) -> None:
     right = expected(d, ("pid_1", "pid_2"), ("pid_3", "pid_4") if d == 3 else ())
     for seed in (None, *range(SEEDS)):
         rng = None if seed is None else np.random.default_rng([d, seed])
-        text = nastran(bar(d), rng, head=seed != 4)
+        text = nastran(bar(d), rng, head=seed != 2)
         assert canonical(build(tmp_path, f"{seed}.bdf", text)) == right
 
 

@@ -11,6 +11,7 @@ import pytest
 
 from public_names import PUBLIC, ours
 from source_trees import tree_of
+from tiers import full
 
 ROOT = Path(__file__).parents[3]
 FOLDERS = ("core", "bodies", "integrators", "reducers", "plugins")
@@ -22,8 +23,8 @@ DEPTH = 7
 simulation, results, model, scene, registry, protocols, arrays."""
 FLAT_MODULES = {"arrays", "errors", "notes", "status"}
 HEAVY = {"skfem", "matplotlib", "meshio", "xarray", "rich", "pyvista"}
-EACH = [pytest.param(f, marks=pytest.mark.full) if f == "core" else f for f in FOLDERS]
-"""Folders as parameters; the syntax trees of core take half a second."""
+EACH = [f if f == "integrators" else full(f) for f in FOLDERS]
+"""Folders as parameters; the syntax trees of the large ones take half a second each."""
 FILES = sorted(p for folder in FOLDERS for p in (ROOT / folder).rglob("*.py"))
 FORMS = "sparsemor.bodies.fem.element_matrices"
 """Imports scikit-fem, and is itself imported inside functions only."""
@@ -149,7 +150,7 @@ def test_imports_follow_the_table(folder: str) -> None:
             assert not upward(layer, tree), path
 
 
-@pytest.mark.parametrize("folder", FOLDERS[1:])
+@pytest.mark.parametrize("folder", EACH[1:])
 def test_plugins_import_what_third_parties_may(folder: str) -> None:
     found = {path: names for path in FILES if path.relative_to(ROOT).parts[0] == folder
              if not any(map(path.is_relative_to, COMMANDS)) and (names := private(tree_of(path)))}
@@ -199,7 +200,7 @@ def test_no_module_imports_itself_through_others(folder: str) -> None:
     longest_chain(graph((folder,)))
 
 
-@pytest.mark.parametrize("folder", FOLDERS[1:])
+@pytest.mark.parametrize("folder", EACH[1:])
 def test_no_folder_of_plugins_imports_itself_through_others(folder: str) -> None:
     """Circles between folders that no circle of single modules shows."""
     longest_chain(between_parts(graph((folder,)), folder))

@@ -27,7 +27,7 @@ def prepared(J: FloatArray, budget: int) -> GreedyRecovery:
     return made
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(3))
 def test_exchanges_by_normal_equations_are_thoseby_qr(seed: int) -> None:
     J, old = problem(seed)
     rng = np.random.default_rng(seed + 100)
@@ -39,20 +39,6 @@ def test_exchanges_by_normal_equations_are_thoseby_qr(seed: int) -> None:
     assert found is not None and found.status is Status.DONE
     assert (found.support == by_qr.support).all()
     assert (recovery.select(r, z, old).support == found.support).all()
-
-
-def test_the_residual_after_an_exchange_is_that_of_least_squares() -> None:
-    J, old = problem(3)
-    b = np.random.default_rng(0).standard_normal(len(J))
-    z = ColumnSubsets(J, 1e-12).least_norm_solution(old, b)
-    r, gram = J @ z - b, GramExchange.from_matrix(J)
-    union = old.copy()
-    union[np.argsort(-np.abs(gram.correlations(r)))[:6]] = True
-    new = gram.exchanged(r, z, gram.correlations(r), old, union, 6)
-    assert new is not None and new.active.sum() == 6 and not (new.active & ~union).any()
-    expected = np.linalg.lstsq(J[:, new.active], b, rcond=None)[0]
-    np.testing.assert_allclose(new.z[new.active], expected, rtol=1e-12, atol=1e-13)
-    np.testing.assert_allclose(new.r, J @ new.z - b, atol=1e-13)
 
 
 def test_columns_that_are_too_alike_are_left_to_qr() -> None:

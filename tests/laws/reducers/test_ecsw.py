@@ -10,7 +10,7 @@ import pytest
 from small_scenes import coarse_pendulum, everything
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.scene.scene import Scene, load
+from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.validation import checked_model
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
 from sparsemor.reducers.projection.ecsw.reducer import Ecsw
@@ -68,17 +68,6 @@ def test_the_pendulum_is_repeated_with_a_fraction_of_its_elements() -> None:
 
 
 @pytest.mark.full
-def test_a_smaller_tolerance_keeps_more_elements_and_is_more_accurate() -> None:
-    reference = full("bdf1")
-    rough, fine = repeated(reference, coarse_pendulum(), tau=1e-3), default()
-    for name, fact in rough.solver.facts.items():
-        assert int(fact["elements_kept"]) < int(fine.solver.facts[name]["elements_kept"])
-    elastic = [max(e for n, e in errors(r, reference).items() if n.endswith("elastic"))
-               for r in (rough, fine)]
-    assert elastic[1] < 0.1 * elastic[0]
-
-
-@pytest.mark.full
 @pytest.mark.parametrize("rule,bound", [("bdf2", 2e-4), ("undamped", 2e-3)])
 def test_second_order_rules_too(rule: str, bound: float) -> None:
     """Sampled rows are unstable under the undamped one; symmetric weighted operators are not.
@@ -86,20 +75,6 @@ def test_second_order_rules_too(rule: str, bound: float) -> None:
     scene = coarse_pendulum().using({"integrator": RULES[rule]})
     reference = full(rule)
     assert max(errors(repeated(reference, scene), reference).values()) < bound
-
-
-@pytest.mark.full
-def test_everything_is_projected_as_galerkin_does() -> None:
-    """Joints, films, given temperatures, radiation, fixed frames: only elements are left out."""
-    reference = march(everything())
-    snapshots = {n: reference.block(n).T for n in reference.model.reducible()}
-    basis = {"basis": {"use": "pod", "count": 10}}
-    runs = [march(everything().using({"reducer": {**use, **basis}}), snapshots=snapshots)
-            for use in ({"use": "galerkin"}, WEIGHTED)]
-    for name in snapshots:
-        one, other = (unknowns(r, name) for r in runs)
-        assert np.abs(one - other).max() < 1e-5 * np.abs(one).max(), name
-    assert sum(int(f["elements_kept"]) for f in runs[1].solver.facts.values()) < 282
 
 
 def radiating(divisions: list[int]) -> Scene:
@@ -211,15 +186,3 @@ def test_a_tolerance_that_makes_no_sense_is_refused(tau: float) -> None:
 
 def largest(values: FloatArray) -> float:
     return float(np.abs(values).max())
-
-
-@pytest.mark.slow
-def test_the_packaged_pendulum_with_default_options() -> None:
-    scene = load("double_pendulum", {"reducer": "full"})
-    reference = march(scene)
-    snapshots = {n: reference.block(n).T for n in reference.model.reducible()}
-    run = march(scene.using({"reducer": WEIGHTED}), model=reference.model, snapshots=snapshots)
-    assert max(errors(run, reference).values()) < 1e-4
-    angles = [r.x[:, [2, 5]] for r in (run, reference)]
-    assert largest(angles[0] - angles[1]) < 1e-6
-    assert all(int(f["elements_kept"]) < 320 for f in run.solver.facts.values())

@@ -32,23 +32,6 @@ def test_sums_over_blocks_are_those_of_the_whole(
     np.testing.assert_allclose(found.b, G.sum(axis=1), rtol=1e-13)
 
 
-def test_no_more_columns_are_made_at_a_time_than_a_block_holds(
-    monkeypatch: pytest.MonkeyPatch
-) -> None:
-    G, asked = positive(9), list[int]()
-
-    def make(part: Any) -> Any:
-        found = G[:, part]
-        asked.append(found.shape[1])
-        return found
-
-    monkeypatch.setattr(element_equations, "BLOCK", 12 * 10)
-    w = train(WeightEquations(90, (EquationRows(12, make),), ()), 1e-6)
-    assert w.residual < 1e-6 and max(asked) == 10
-    whole = train(WeightEquations.from_matrix(G), 1e-6)
-    np.testing.assert_allclose(w.values, whole.values, atol=1e-6)
-
-
 def test_rows_are_shares_of_their_sums_and_round_off_is_left_out() -> None:
     G, zero = positive(2), 1e-14 * positive(3)
     e = WeightEquations(90, (
@@ -66,19 +49,6 @@ def test_many_rows_are_replaced_by_as_few_as_do() -> None:
     assert few.exact and len(few.A) == 21
     w = np.random.default_rng(6).random(20)
     assert np.linalg.norm(few.A @ w - few.b) == pytest.approx(np.linalg.norm(G @ (w - 1.0)))
-
-
-def test_weights_are_found_among_a_part_of_a_large_mesh() -> None:
-    """The forces of all elements are repeated all the same, and the residual is that of all."""
-    G = positive(11, (6, 4000)) / 4000
-    all_of_them = train(WeightEquations.from_matrix(G), 1e-3)
-    few = train(WeightEquations.from_matrix(G), 1e-3, 250)
-    among = element_weights.candidates(WeightEquations.from_matrix(G), 250)
-    assert len(np.unique(among)) == 250 and np.isin(np.flatnonzero(few.values), among).all()
-    for found in (few, all_of_them):
-        b = G.sum(axis=1)
-        assert found.residual == pytest.approx(float(np.linalg.norm(G @ found.values - b)))
-        assert found.residual <= 1.05e-3
 
 
 def test_elements_that_carry_the_forces_are_candidates() -> None:
@@ -105,20 +75,6 @@ def test_small_rows_that_large_weights_bring_out_count() -> None:
     assert found.residual <= 1.01 * tau
     # one element would do without it
     assert np.count_nonzero(found.values) == 2
-
-
-def test_random_combinations_keep_lengths(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of all vectors in a space of 10 dimensions, among 400 combinations of 3000 equations."""
-    monkeypatch.setattr(element_equations, "BLOCK", 1000)
-    rng, all_of_them = np.random.default_rng(0), np.arange(10)
-    G = rng.standard_normal((3000, 10)) * np.logspace(0, -6, 3000)[:, None]
-    few = WeightEquations.from_matrix(G).combined(all_of_them, 400)
-    assert few.A.shape == (400, 10) and not few.exact
-    np.testing.assert_allclose(few.b, few.A.sum(axis=1), atol=1e-12)
-    assert WeightEquations.from_matrix(G[:400]).combined(all_of_them, 400).exact
-    R = np.linalg.qr(G, mode="r")
-    s = np.linalg.svd(np.linalg.solve(R.T, few.A.T).T, compute_uv=False)
-    assert 0.6 < s[-1] <= s[0] < 1.4
 
 
 @pytest.mark.parametrize("first", [120, 80])

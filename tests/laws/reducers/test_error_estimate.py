@@ -10,21 +10,13 @@ import pytest
 
 from reduced_runs import errors, estimates, learnt, model_of, states
 from small_scenes import everything, tiny
-from sparsemor import InputError, load, load_model, reduce
-from sparsemor.bodies.terms.weak_term import WeakTerm
-from sparsemor.core import Integrator, State
-from sparsemor.core.model.equations import system_residual
+from sparsemor import load, load_model, reduce
 from sparsemor.core.model.initial_state import consistent_state
-from sparsemor.core.protocols.integrator import new_state, step_formula
-from sparsemor.core.protocols.layout import Block, FieldKind, Layout
 from sparsemor.core.results.checkpoint import Saved
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.error_record import ErrorRecord
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
-from sparsemor.integrators.bdf1 import Bdf1
-from sparsemor.integrators.bdf2 import Bdf2
-from sparsemor.integrators.generalized_alpha import GeneralizedAlpha
 from sparsemor.plugins.charts.error_over_time import error_over_time_figure
 from sparsemor.plugins.comparison.compare import compare
 from sparsemor.plugins.comparison.error_norms import measure_errors
@@ -35,13 +27,8 @@ from sparsemor.reducers.estimation import (
     modal_steps,
 )
 from sparsemor.reducers.estimation.coupled_errors import CoupledErrors
-from sparsemor.reducers.estimation.estimator import ErrorModel
-from sparsemor.reducers.estimation.modal_steps import ModalSteps
-from sparsemor.reducers.estimation.reduced_states import InModes, Projected
+from sparsemor.reducers.estimation.reduced_states import Projected
 from sparsemor.reducers.estimation.residuals import ElasticResidual
-from tiers import quick
-
-INTEGRATORS: list[Integrator] = [Bdf1(), Bdf2(), GeneralizedAlpha()]
 
 
 def reduced_scene(scene: Scene, **reducer: Any) -> Scene:
@@ -55,127 +42,6 @@ def reduced() -> tuple[Scene, March]:
     full = march(tiny().using({"reducer": "full"}))
     scene = reduced_scene(tiny())
     return scene, march(scene, model=full.model, snapshots=learnt(full))
-
-
-@pytest.mark.parametrize("integrator", INTEGRATORS, ids=lambda i: type(i).__name__)
-@pytest.mark.parametrize("field", ["elastic", "thermal"])
-@pytest.mark.parametrize("count", [1, 3])
-def test_modes_step_as_the_integrator_says(
-    integrator: Integrator, field: str, count: int
-) -> None:
-    """One by one, and three steps at a time with loads that change linearly in them."""
-    kind = FieldKind("elastic", 2, "m") if field == "elastic" else FieldKind("thermal", 1, "K")
-    layout, order = Layout([Block("bar", kind, 4)]), kind.order
-    k, d, m = np.random.default_rng(2).random((3, 4))
-    h, f = 0.1, np.arange(16.0).reshape(4, 4)
-    m = m if order == 2 else 0.0 * m
-    rules = integrator.rules(h)
-    steps = ModalSteps.from_rule(rules.second if order == 2 else rules.first, count, k, d, m)
-    state = integrator.start(layout, State(
-        0.0, np.ones(4), np.full(4, 2.0), np.full(4, 3.0 * (order - 1)), np.zeros((4, 0))))
-    z = np.vstack([state.x, state.v, state.a, state.memory.T])
-    c1, c2, c1_first = rules.factors
-    for before, after in zip(f, f[1:], strict=False):
-        z = steps.advance(z, before, after)
-        for force in np.linspace(before, after, count + 1)[1:]:
-            formula = step_formula(rules, layout, state, h)
-            old = formula.at(np.zeros(4))
-            D = k + (c1 * d + c2 * m if order == 2 else c1_first * d)
-            new = formula.at((force - k * old[0] - d * old[1] - m * old[2]) / D)
-            state = new_state(rules, layout, state, formula.t, *new)
-        assert z == pytest.approx(
-            np.vstack([state.x, state.v, state.a, state.memory.T]), rel=1e-11, abs=1e-11)
-
-
-@pytest.mark.full
-def test_the_residual_is_that_of_the_full_equations() -> None:
-    """On the modes of the errors, at states of the reduced run; the frame of the bar is free."""
-    scene, run = reduced()
-    model, full = model_of(scene, run), run.model
-    assert isinstance(model, CoupledErrors)
-    modes = {b.name: b.space.modes for b in model.spaces}
-    assert set(modes) == {"bar.elastic", "bar.thermal"}
-    found, whole = [], []
-    for s in states(run):
-        z = []
-        for part, values in enumerate((s.x, s.v, s.a)):
-            wide = np.zeros(full.layout.size)
-            for b in full.layout:
-                own, d = values[run.solver.layout[b.name]], run.solver.dictionaries.get(b.name)
-                wide[full.layout[b.name]] = own if d is None else (
-                    d.atoms @ own + (d.offset if part == 0 else 0.0))
-            z.append(wide)
-        whole.append(system_residual(full.layout, full.terms, *z, s.t))
-        found.append(model.working().residual(model.lifted(s)))
-    for b in full.layout:
-        expected = np.array(whole)[:, full.layout[b.name]]
-        expected = expected @ modes[b.name] if b.name in modes else expected
-        own = np.array(found)[:, model.equations.layout[b.name]]
-        size = np.abs(np.array(whole)).max()
-        assert np.abs(own - expected).max() <= 1e-9 * size, b.name
-
-
-def arrays(model: ErrorModel | CoupledErrors) -> list[tuple[int, ...]]:
-    """Shapes of what an estimate of linear blocks reads."""
-    if isinstance(model, CoupledErrors):
-        operators = [b.operators for b in model.equations.bodies if b.operators is not None]
-        return [(model.equations.layout.size,), *(t.generators.shape for t in operators),
-                *(m.lift.shape for b in model.spaces if isinstance(m := b.states, InModes)),
-                *(b.space.norm.shape for b in model.spaces)]
-    return [model.whole.first.later.shape, model.whole.second.later.shape,
-            *(b.residual.operators.shape for b in (*model.heat, *model.elastic)),
-            *(b.space.norm.shape for b in (*model.heat, *model.elastic))]
-
-
-@pytest.mark.full
-@pytest.mark.parametrize("held", [
-    {}, {"bodies.bar.frame": "fixed", "bodies.bar.reference": {"clamp": "left"}, "joints": {}}])
-def test_its_arrays_do_not_grow_with_the_mesh(
-    held: dict[str, Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(error_space, "COUNT", 2)
-    monkeypatch.setattr(error_space, "COUPLED", 2)
-    sizes = []
-    for elements in (1, 3):
-        scene = tiny().using({"bodies.bar.mesh.divisions": [6 * elements, 2 * elements],
-                              "time.end": 2 * tiny().time.step, **held})
-        full = march(scene.using({"reducer": "full"}))
-        other = reduced_scene(scene, basis={"use": "modal", "count": 3})
-        model = model_of(other, march(other, model=full.model, snapshots=learnt(full)))
-        assert isinstance(model, ErrorModel if held else CoupledErrors)
-        sizes.append(arrays(model))
-    assert sizes[0] == sizes[1]
-
-
-@pytest.mark.full
-def test_the_mesh_is_visited_at_the_steps_of_an_estimate_only(
-    monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """By terms that are not linear, a few times at each estimate."""
-    visits: list[float] = []
-
-    def counted(evaluate: Any) -> Any:
-        def count(self: WeakTerm, x: Any, v: Any, a: Any, t: float, *rates: Any) -> Any:
-            visits.append(t)
-            return evaluate(self, x, v, a, t, *rates)
-        return count
-
-    scene = tiny().using({"loads.glow": {
-        "use": "radiation", "on": ["bar:top"], "emissivity": 0.7, "surroundings": 293.15}})
-    full = march(scene.using({"reducer": "full"}))
-    other = reduced_scene(scene)
-    run = march(other, model=full.model, snapshots=learnt(full))
-    model, known = model_of(other, run, every=5), states(run)
-    record = ErrorRecord(model, consistent_state(run.model), known[0])
-    for name in ("residual", "jacobian"):
-        monkeypatch.setattr(WeakTerm, name, counted(getattr(WeakTerm, name)))
-    run = march(other, model=full.model, solver=run.solver)
-    assert not visits
-    for i, s in enumerate(known[1:], 1):
-        record.take(s, i)
-    record.present()
-    estimated = [s.t for i, s in enumerate(known) if i and i % 5 == 0]
-    assert set(visits) == set(estimated) and len(visits) <= 6 * len(estimated)
 
 
 @pytest.mark.full
@@ -250,22 +116,6 @@ def test_a_kept_run_with_other_loads_has_an_estimate_and_one_from_a_file_says_no
 
 
 @pytest.mark.full
-def test_a_kept_run_with_other_loads_does_not_fall_back_on_the_loads_of_its_model() -> None:
-    limit = {"every": 1, "tolerance": 1e-6, "action": "fall_back"}
-    model = reduce(reduced_scene(tiny(), error_estimate=limit))
-    with pytest.raises(InputError, match="needs the estimate and the assembled model"):
-        model.run({"loads.heating.flux": 5e5})
-
-
-@pytest.mark.full
-def test_properties_that_follow_temperature_alone_have_an_estimate() -> None:
-    """alpha(T) of a fixed bar: a local term of displacements that reads no displacement."""
-    curve = {"temperatures": [280.0, 900.0], "values": [1e-5, 2e-5]}
-    scene = reduced_scene(tiny().using({"bodies.bar.material.alpha": curve}), error_estimate=10)
-    assert "bar.elastic" in simulate(scene).error_estimates
-
-
-@pytest.mark.full
 def test_a_large_estimate_is_a_warning() -> None:
     """Two vibration modes do not represent the expansion of a heated bar."""
     scene = reduced_scene(tiny(), error_estimate=1).using({
@@ -287,7 +137,8 @@ def beam() -> Scene:
         "reducer": {"use": "galerkin", "basis": {"use": "pod", "count": 2}}})
 
 
-@pytest.mark.parametrize("every", quick([1, "on"], "on"))
+@pytest.mark.full
+@pytest.mark.parametrize("every", [1, "on"])
 def test_a_load_from_the_start_does_not_let_the_estimate_vibrate(every: int | str) -> None:
     """The initial accelerations of a reduced model are those of its own equations. Their projection
     that is orthogonal without the mass gave estimates hundreds of times too large."""
@@ -324,6 +175,7 @@ def test_a_force_that_acts_suddenly_on_a_joined_body_is_estimated(few: bool) -> 
         assert len(quotients) and low < quotients.min() and quotients.max() < high, block
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("scene", [tiny, beam], ids=["whole", "blocks"])
 def test_few_estimates_cost_a_twentieth_of_the_steps(
     scene: Any, monkeypatch: pytest.MonkeyPatch
@@ -406,56 +258,6 @@ def test_every_block_of_every_kind_of_part_has_an_estimate() -> None:
         change = np.abs(full.block(name) - full.block(name)[0]).max()
         if true.max() > 1e-9 * change:
             assert 0.5 < guess.max() / true.max() < 10.0, name
-
-
-def four_bar(torque: float, flux: float, end: float) -> Scene:
-    """A driven crank, a heated steel coupler and an aluminium rocker of a few triangles."""
-    pin = np.array([0.075, 0.12990381])
-    meeting = pin + 0.425 * np.array([np.cos(0.5), np.sin(0.5)])
-    base = np.array([0.5, 0.0])
-    steel = {"rho": 7850.0, "E": 2.1e11, "nu": 0.3, "alpha": 1.2e-5, "k": 45.0, "c": 480.0}
-    aluminium = {"rho": 2700.0, "E": 7e10, "nu": 0.33, "alpha": 2.3e-5, "k": 200.0, "c": 900.0}
-
-    def link(at: Any, to: Any, material: dict[str, float]) -> dict[str, Any]:
-        length, angle = np.hypot(*(to - at)), np.arctan2(*(to - at)[::-1])
-        return {
-            "use": "flexible", "thickness": 0.01, "material": material,
-            "mesh": {"use": "rectangle", "size": [float(length), 0.05], "divisions": [8, 2]},
-            "sets": {"a": {"nearest": [0.0, 0.0]}, "b": {"nearest": [float(length), 0.0]}},
-            "fields": ["elastic", "thermal"], "reference": {"chord": ["a", "b"]},
-            "damping": {"stiffness": 1e-5},
-            "pose": {"position": at.tolist(), "angle": float(angle)}}
-
-    joints = {"O": ("ground", "crank:hub"), "A": ("crank:pin", "coupler:a"),
-              "B": ("coupler:b", "rocker:b"), "D": ("rocker:a", "ground")}
-    return scene_of({
-        "bodies": {
-            "crank": {"use": "rigid", "mass": 0.6, "inertia": 1.5e-3, "center": [0.075, 0.0],
-                      "points": {"hub": [0.0, 0.0], "pin": [0.15, 0.0]},
-                      "pose": {"angle": float(np.pi / 3)}},
-            "coupler": link(pin, meeting, steel), "rocker": link(base, meeting, aluminium)},
-        "joints": {n: {"use": "revolute", "between": list(two)} for n, two in joints.items()},
-        "loads": {"motor": {"use": "torque", "on": "crank:hub", "torque": torque},
-                  "heat": {"use": "heat_flux", "on": ["coupler:top"], "flux": flux}},
-        "time": {"end": end, "step": 5e-4},
-        "integrator": {"use": "generalized_alpha", "rho_inf": 0.8}, "reducer": {"use": "full"}})
-
-
-@pytest.mark.full
-def test_the_errors_of_a_closed_loop_that_turns_far_between_estimates_are_estimated() -> None:
-    """A four-bar under a torque and a flux that were not trained; its crank turns up to 1.6 rad in
-    ten steps, 0.16 rad in one. The right value is the error against the full-order run. One step of
-    the error equation from one estimate to the next is 1e28 times too large here."""
-    trained, scene = march(four_bar(32.0, 2e5, 0.1)), four_bar(40.0, 3e5, 0.2)
-    full, other = march(scene), reduced_scene(scene)
-    run = march(other, model=full.model, snapshots=learnt(trained))
-    crank = full.v[:, full.model.layout["crank.rigid"]][:, -1]
-    assert np.abs(crank).max() * 10 * scene.time.step > 1.0
-    for every in (1, 5, 10):
-        for name, guess in estimates(other, run, every).items():
-            true = errors(full, run, name)[::every].max()
-            if true > 1e-6:
-                assert 0.5 < guess.max() / true < (1.01 if every == 1 else 3.0), (every, name)
 
 
 @pytest.mark.full

@@ -12,7 +12,9 @@ from small_scenes import everything
 from sparsemor.core import Basis, BlockData, Dictionary
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
+from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.equations import system_residual
+from sparsemor.core.model.model import Model
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.status import SolveFailed, Status
@@ -26,22 +28,32 @@ from sparsemor.reducers.projection.projection_reducer import ProjectionReducer
 
 METHODS: dict[str, dict[str, Any]] = {
     "deim": {"use": "deim"}, "lspg": {"use": "lspg", "norm": "rows"},
-    "gnat": {"use": "gnat", "norm": "rows"}, "gnat, energy": {"use": "gnat"}}
+    "gnat": {"use": "gnat", "norm": "rows"}, "gnat, energy": {"use": "gnat"},
+    "lspg, energy": {"use": "lspg"}}
+SAMPLED: dict[str, dict[str, Any]] = {
+    "galerkin": {"use": "galerkin"},
+    # every row that a joint or load touches is kept; a few more of the elastic ones
+    "sparse": {"use": "sparse", "budgets": {"*.elastic": {"rows": 8}, "*.thermal": {"rows": 0}}}}
 FEW = {"use": "pod", "count": 6}
 
 
 def pendulum(reducer: Any = "full", **changes: Any) -> Scene:
     return load("double_pendulum", {
         "bodies.link1.capacity": "consistent", "bodies.link2.capacity": "consistent",
-        "bodies.link1.mesh.elements": 320, "bodies.link2.mesh.elements": 320, "time.end": 0.2,
-        "training.end": 0.2, "reducer": reducer, **changes})
+        "bodies.link1.mesh.elements": 320, "bodies.link2.mesh.elements": 320, "time.end": 0.15,
+        "training.end": 0.15, "reducer": reducer, **changes})
+
+
+@cache
+def pendulum_model() -> Model:
+    return assemble(pendulum())
 
 
 @cache
 def trained(name: str) -> tuple[Scene, March, Mapping[str, FloatArray]]:
     """A scene, its full-order run, and that run's snapshots (n, M) by block."""
     scene = everything() if name == "everything" else pendulum()
-    full = march(scene)
+    full = march(scene, model=None if name == "everything" else pendulum_model())
     return scene, full, {n: full.block(n).T for n in full.model.reducible()}
 
 
@@ -101,12 +113,10 @@ class Doubled(Basis):
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("method", [
-    pytest.param(m, marks=[pytest.mark.slow] * (m != "deim")) for m in METHODS])
-def test_with_enough_points_the_pendulum_moves_as_under_galerkin(method: str) -> None:
-    """Default options. 1e-4 is asked of gnat, 1e-8 of deim."""
+def test_with_enough_points_the_pendulum_moves_as_under_galerkin() -> None:
+    """Default options; 1e-8 is asked of deim."""
     full, galerkin = trained("pendulum")[1], repeated("pendulum", "galerkin")
-    run = repeated("pendulum", METHODS[method])
+    run = repeated("pendulum", METHODS["deim"])
     assert max(errors(galerkin, full).values()) < 1e-10
     assert set(errors(run, galerkin)) == {"rigid", "elastic", "thermal"}
     assert max(errors(run, galerkin).values()) < 2e-9
@@ -115,24 +125,20 @@ def test_with_enough_points_the_pendulum_moves_as_under_galerkin(method: str) ->
 
 @pytest.mark.full
 @pytest.mark.parametrize("method,centred", [
-    ("deim", False), ("deim", True), ("lspg", True), ("gnat", False), ("gnat, energy", True)])
+    ("galerkin", True), ("sparse", False), ("sparse", True), ("deim", True), ("lspg", True),
+    ("gnat", False), ("gnat, energy", True)])
 def test_every_body_joint_and_load_is_given_back(method: str, centred: bool) -> None:
-    reducer = {**METHODS[method], "basis": {"use": "pod", "centred": centred}}
-    found = errors(repeated("everything", reducer), trained("everything")[1])
+    """Radiation, fixed frames and given temperatures survive trial and test maps, also where
+    displacements are counted from the mean of the training run."""
+    reducer = {**(METHODS | SAMPLED)[method], "basis": {"use": "pod", "centred": centred}}
+    run, full = repeated("everything", reducer), trained("everything")[1]
+    found = errors(run, full)
     assert found["rigid"] < 1e-11 and found["elastic"] < 1e-8 and found["thermal"] < 1e-9
-
-
-@pytest.mark.slow
-def test_the_double_pendulum_at_its_size() -> None:
-    """4 s, 1280 triangles a link, default options: 1e-4 per field is asked of gnat."""
-    scene = load("double_pendulum", {"reducer": "full"})
-    full = march(scene)
-    snapshots = {n: full.block(n).T for n in full.model.reducible()}
-    for method in METHODS.values():
-        run = march(scene.using({"reducer": method}), model=full.model, snapshots=snapshots)
-        found = errors(run, full)
-        assert found["rigid"] < 1e-8 and found["elastic"] < 1e-7, method
-        assert found["thermal"] < 1e-8, method
+    bounds = {"rigid": 1e-11, "elastic": 1e-8, "thermal": 1e-11, "multiplier": 1e-7}
+    for b in full.model.layout if method in SAMPLED else ():
+        want = full.block(b.name)
+        error = np.abs(decoded(run, b.name) - want)[1:].max() / np.abs(want).max()
+        assert error < bounds[b.field], b.name
 
 
 @pytest.mark.full
@@ -150,7 +156,7 @@ def test_gnat_that_sees_all_rows_is_lspg_or_galerkin(norm: str) -> None:
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("method", ["deim", "gnat, energy"])
+@pytest.mark.parametrize("method", ["deim", "gnat, energy", "lspg, energy"])
 def test_few_atoms_cost_no_more_than_under_galerkin(method: str) -> None:
     """Six atoms leave a residual, and the plain norm of its rows costs some accuracy."""
     full = trained("pendulum")[1]
@@ -176,12 +182,12 @@ def rows_at(run: March, step: int) -> FloatArray:
 def test_lspg_leaves_a_residual_at_right_angles_to_its_images() -> None:
     """The plain norm of all rows of a block cannot be lowered by any change of coefficients."""
     run = repeated("pendulum", {**METHODS["lspg"], "basis": FEW})
-    r = rows_at(run, 150)
+    r = rows_at(run, 100)
     for name, block in blocks("pendulum").items():
         B = block.linear.operator @ run.solver.dictionaries[name].atoms
         own = r[run.model.layout[name]]
         slope = B.T @ own / np.linalg.norm(B, axis=0)
-        part = np.linalg.norm(block.linear.stiffness @ decoded(run, name)[150])
+        part = np.linalg.norm(block.linear.stiffness @ decoded(run, name)[100])
         assert np.linalg.norm(own) > 1e-9 * part, name  # there is something to be minimised
         assert np.abs(slope).max() < 1e-3 * np.linalg.norm(own), name
 
@@ -190,7 +196,7 @@ def test_lspg_leaves_a_residual_at_right_angles_to_its_images() -> None:
 def test_deim_projects_what_is_linear_and_interpolates_the_rest() -> None:
     """atoms^T (K x + D v + M a) + atoms^T U (P^T U)^+ P^T rest = 0, from the full-order terms."""
     options = {"use": "deim", "basis": FEW, "force_basis": {"use": "pod", "count": 4}}
-    run, step = repeated("pendulum", options), 150
+    run, step = repeated("pendulum", options), 100
     reducer, r = Deim.model_validate({k: v for k, v in options.items() if k != "use"}), rows_at(
         run, step)
     for name, block in blocks("pendulum").items():
@@ -243,24 +249,27 @@ def test_lspg_visits_all_elements() -> None:
 def test_refused_by_counting(
     reducer: type[ProjectionReducer], options: dict[str, Any], key: str, words: str
 ) -> None:
-    model = trained("pendulum")[1].model
+    model = pendulum_model()
     assert not reducer.model_validate({}).check(model)
     faults = reducer.model_validate(options).check(model)
     assert {f.key for f in faults} == {key}
     assert words in faults[0].message
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("method", ["deim", "gnat"])
 def test_fewer_points_than_modes_are_refused_once_these_are_known(method: str) -> None:
     with pytest.raises(InputError, match=r"link\d.elastic: 3 points cannot determine \d+ modes"):
         repeated("pendulum", {"use": method, "points": {"*.elastic": 3}})
 
 
+@pytest.mark.full
 def test_force_modes_counted_from_a_mean_are_refused() -> None:
     with pytest.raises(InputError, match="take centred: false"):
         repeated("pendulum", {"use": "deim", "force_basis": {"use": "pod", "centred": True}})
 
 
+@pytest.mark.full
 def test_points_that_see_nothing_are_named() -> None:
     """One random row a link misses the heated edge, where the only thermal mode lives."""
     with pytest.raises(SolveFailed) as caught:
@@ -268,19 +277,6 @@ def test_points_that_see_nothing_are_named() -> None:
     assert caught.value.status is Status.RANK_DEFICIENT
     assert caught.value.block in ("link1.thermal", "link2.thermal")
     assert "do not distinguish its 1 modes" in caught.value.detail
-
-
-@pytest.mark.full
-def test_too_few_modes_fail_by_name_or_are_measured() -> None:
-    """Two force modes at two random elastic rows: steps do not contract, and it is said where."""
-    few = {"use": "deim", "force_bases": {"*.elastic": {"use": "pod", "count": 2}}}
-    blind = {"sampler": "random", "points": {"*.elastic": 2, "*.thermal": 150}}
-    with pytest.raises(SolveFailed) as caught:
-        repeated("pendulum", {**few, **blind}, seed=2)
-    assert caught.value.status in (Status.NOT_CONVERGED, Status.DIVERGED, Status.NOT_FINITE)
-    assert caught.value.block.startswith("link")
-    run = repeated("pendulum", few)  # the same modes at points made for them
-    assert 1e-5 < errors(run, trained("pendulum")[1])["elastic"] < 1e-2
 
 
 @pytest.mark.full

@@ -62,8 +62,8 @@ def steps(kind: str, count: int = 12) -> tuple[FloatArray, list[dict[str, BoolAr
     return np.array(x), supports, solver, memory
 
 
-@pytest.mark.parametrize("kind", ["joints", "turning"])
-@pytest.mark.parametrize("wide", [False, True])
+@pytest.mark.full
+@pytest.mark.parametrize(("kind", "wide"), [("joints", False), ("turning", True)])
 def test_chosen_rows_give_what_least_squares_give(
     kind: str, wide: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -85,6 +85,7 @@ def test_chosen_rows_give_what_least_squares_give(
     assert not any(s.columns.unit.unit for s in other.steps.elastic.values())
 
 
+@pytest.mark.full
 def test_a_step_evaluates_the_rows_of_its_support(monkeypatch: pytest.MonkeyPatch) -> None:
     """Not those of all atoms, which are read once, where atoms are selected."""
     monkeypatch.setattr(supported_equations, "WIDE", 4)

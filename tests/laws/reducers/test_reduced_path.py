@@ -1,47 +1,16 @@
-"""Reduced steps, trained on the run that they repeat, give it back on a scene with everything."""
+"""Sparse steps without the solve on the support, and the supports that selections start from."""
 
-from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
 
-from reduced_runs import decoded
 from small_scenes import everything, tiny
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.scene.scene import load
-from sparsemor.core.testing.in_memory_run import March, march
+from sparsemor.core.testing.in_memory_run import march
 from sparsemor.plugins.sparse_solvers.greedy_gauss_newton import GreedyGaussNewton
 from sparsemor.reducers.sparse.reducer import Sparse
-
-# every row that a joint or load touches is kept; a few more of the elastic ones
-ROWS = {"*.elastic": {"rows": 8}, "*.thermal": {"rows": 0}}
-
-
-@cache
-def full() -> March:
-    return march(everything())
-
-
-@pytest.mark.full
-@pytest.mark.parametrize("centred", [False, True], ids=["plain", "centred"])
-@pytest.mark.parametrize("options", [{"use": "galerkin"}, {"use": "sparse", "budgets": ROWS}],
-                         ids=["galerkin", "sparse"])
-def test_every_block_is_given_back(options: dict[str, Any], centred: bool) -> None:
-    """Joints, loads, radiation, fixed frames and given temperatures survive trial and test maps,
-    with displacements counted from the mean of the training run as well."""
-    reference = full()
-    snapshots = {name: reference.block(name).T for name in reference.model.reducible()}
-    reducer = {**options, "basis": {"use": "pod", "centred": centred}}
-    run = march(everything().using({"reducer": reducer}), snapshots=snapshots)
-    bounds = {"rigid": 1e-11, "elastic": 1e-8, "thermal": 1e-11, "multiplier": 1e-7}
-    for b in reference.model.layout:
-        want = reference.block(b.name)
-        error = np.abs(decoded(run, b.name) - want)[1:].max() / np.abs(want).max()
-        assert error < bounds[b.field], b.name
-    sizes = {n: d.atoms.shape for n, d in run.solver.dictionaries.items()}
-    assert set(sizes) == set(snapshots)
-    assert any(k < n for n, k in sizes.values())
 
 
 @pytest.mark.full

@@ -14,7 +14,6 @@ from sparsemor.core.testing.in_memory_run import scene_of
 from sparsemor.plugins.checks.selected_atoms import (
     RATIO,
     check_selection,
-    times_of_check,
 )
 from tiny_scene import full, prepared, snapshots
 
@@ -93,10 +92,6 @@ def test_numbers_are_those_of_the_residual(inside: float, level: Level) -> None:
 def test_no_note_where_all_atoms_leave_as_much() -> None:
     state, ratio, _ = beside(1.0, 1.0)
     assert ratio < RATIO and not checked(state, orthogonal_atoms())
-
-
-def test_states_are_spread_over_the_run() -> None:
-    assert times_of_check(20) == frozenset(range(2, 21, 2)) and times_of_check(1) == {1}
 
 
 @pytest.mark.full

@@ -1,4 +1,4 @@
-"""What the sparse reducer refuses, preconditions and tells; turned rows keep every norm."""
+"""What the sparse reducer refuses, preconditions and tells."""
 
 from dataclasses import replace
 from typing import Any
@@ -20,11 +20,7 @@ from sparsemor.core.status import Status
 from sparsemor.core.testing.in_memory_run import march
 from sparsemor.plugins.sparse_solvers.greedy_gauss_newton import GreedyGaussNewton
 from sparsemor.reducers.sparse.reducer import Sparse
-from sparsemor.reducers.sparse.row_compression import compact, elastic_columns
-from sparsemor.reducers.sparse.sampled_block import Sampled, SampledElastic
-from sparsemor.reducers.sparse.step_solver import Whole
 from sparsemor.reducers.step import projected_operators as test_map
-from sparsemor.reducers.step.projected_operators import TestMap as Map
 from tiny_scene import BUDGETS, FIXED, full, prepared, snapshots
 
 WIDE = {"*.elastic": {"rows": 8, "atoms": 6}, "*.thermal": {"rows": 4, "atoms": 3}}
@@ -164,19 +160,6 @@ def test_preconditioned_runs_stay_near_full_order(budgets: dict[str, Any]) -> No
         assert np.abs(got - want)[1:].max() < bound * size, name
 
 
-def test_weights_act_on_elastic_rows() -> None:
-    """The same rows, other weights: the solution moves, within what the atoms leave open."""
-    plain = march(reduced(basis={"use": "pod", "count": 4}, bases={}), model=full().model,
-                  snapshots=snapshots())
-    scene = reduced(basis={"use": "pod", "count": 4}, bases={}, preconditioner="row_scaling",
-                    preconditioned=["elastic"])
-    other = march(scene, model=full().model, snapshots=snapshots())
-    np.testing.assert_array_equal(other.solver.rows["bar.elastic"],
-                                  plain.solver.rows["bar.elastic"])
-    np.testing.assert_array_equal(other.block("bar.thermal"), plain.block("bar.thermal"))
-    assert np.abs(other.block("bar.elastic") - plain.block("bar.elastic")).max() > 0.0
-
-
 # ------------------------------------------------------------------------ few turned rows
 
 
@@ -189,53 +172,6 @@ def elastic() -> tuple[test_map.ProjectedElastic, FloatArray, IntArray]:
         m.operators, m.frame, d["bar.elastic"], d["bar.thermal"],
                          test_map.TestMap(rows=rows))
     return t, t.block(1e3, 1e6), rows
-
-
-def test_turned_rows_keep_every_norm_and_product() -> None:
-    t, B, _ = elastic()
-    found = compact(t, B, elastic_columns(t))
-    few, C, reach = found.operators, found.B, found.reach
-    assert len(C) <= len(B)
-    whole, turned = (np.hstack([b, *s.generators, s.damping, s.coupling, s.loads, s.directions,
-                                s.constant[:, None]]) for s, b in ((t, B), (few, C)))
-    size = np.linalg.norm(whole, axis=0)
-    keep = size > 0
-    np.testing.assert_allclose(
-        (turned.T @ turned)[np.ix_(keep, keep)] / np.outer(size[keep], size[keep]),
-        (whole.T @ whole)[np.ix_(keep, keep)] / np.outer(size[keep], size[keep]), atol=1e-12)
-    assert reach == min(C.shape) and np.abs(C[reach:]).max(initial=0.0) < 1e-12 * np.abs(C).max()
-
-
-def test_a_support_needs_only_the_turned_rows_that_the_operator_reaches() -> None:
-    """Least squares by these is that by all rows."""
-    t, B, rows = elastic()
-    d = prepared(reduced()).dictionaries["bar.elastic"]
-    block = Sampled("bar.elastic", d, rows, 6, B, None)
-    sampled = SampledElastic.from_operators(block, t)
-    assert len(sampled.columns.B) == min(B.shape)
-    turned = sampled.compressed[0]
-    for support in (np.arange(6), np.array([0, 3, 4, 7, 9, 13])):
-        active, left, _ = sampled.on(support)
-        assert left is not None and np.array_equal(active, support)
-        for name in ("mass", "directions", "constant", "loads"):
-            a = left @ getattr(turned, name)[: left.shape[1]]
-            b = block.left_inverse(support) @ getattr(t, name)
-            np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-10 * np.abs(b).max(initial=0.0))
-
-
-def test_rows_of_the_whole_are_the_rows_of_the_mesh() -> None:
-    t, _, rows = elastic()
-    d = prepared(reduced()).dictionaries
-    taken = Whole.from_model(full().model, d).elastic["bar.elastic"].through(Map(rows))
-    left = Map(left=np.random.default_rng(0).standard_normal((5, len(rows))))
-    once, again = t.through(left), taken.through(left)
-    for name in ("mass", "damping", "stiffness", "generators", "directions", "coupling", "loads",
-                 "constant"):
-        own = getattr(taken, name)
-        np.testing.assert_allclose(own, getattr(t, name), rtol=1e-12, atol=1e-12 * max(
-            np.abs(own).max(initial=0.0), 1e-300))
-        assert getattr(once, name).shape == getattr(again, name).shape
-    assert t.through(Map()) is t
 
 
 class Failing(GreedyGaussNewton):

@@ -50,7 +50,7 @@ def page(problem: ReducedProblem, reducer: Sparse) -> SparseStep:
 
 
 @pytest.mark.parametrize("options, changes", [
-    ({"budgets": ALL}, {}),
+    full({"budgets": ALL}, {}),
     full({"budgets": ALL, "residual": "plain"}, {"integrator": "bdf2"}),
     full({"budgets": ALL, "preconditioner": "untf"}, {"integrator": "generalized_alpha"}),
     ({"budgets": FEW}, {}),

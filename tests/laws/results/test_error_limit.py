@@ -53,12 +53,6 @@ def test_what_is_above_the_limit_is_marked(tmp_path: Path) -> None:
     assert (rows["wrong"]["above_limit"], rows["right"]["above_limit"]) == ("elastic", "")
 
 
-def test_the_limit_is_an_option(tmp_path: Path) -> None:
-    made = runs(tmp_path, 1.0)
-    assert made.above_limit == {} and "!" not in str(made)
-    assert list(runs(tmp_path / "b", 1e-7).above_limit) == ["wrong", "right"]
-
-
 def test_a_mark_does_not_move_the_digits() -> None:
     assert [marked(v, ".1e", 0.1) for v in (0.2, 0.1, None)] == ["2.0e-01!", "1.0e-01", "-"]
     table = text_table([["run", "error"], ["a", "2.0e-01!"], ["b", "1.0e-03"], ["c", "-"]])

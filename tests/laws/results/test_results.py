@@ -17,7 +17,7 @@ from sparsemor.core.protocols.layout import Block, Layout
 from sparsemor.core.results.checkpoint import checkpoint_file
 from sparsemor.core.results.metadata import ProbeHeader, RunHeader
 from sparsemor.core.results.result_writer import ChunkOfSteps, ResultWriter
-from sparsemor.core.results.run_result import RunResult, open_result
+from sparsemor.core.results.run_result import open_result
 from sparsemor.core.status import Status
 
 FULL = Layout([Block("arm", RIGID, 3), Block("arm", ELASTIC, 6), Block("arm", THERMAL, 3),
@@ -80,23 +80,6 @@ def test_round_trip(tmp_path: Path, reduced: bool) -> None:
     assert np.allclose(run.block("arm.elastic", part), full[part], rtol=1e-14)
     assert np.allclose(run.block("arm.elastic", slice(250, 300, 7)), full[250:300:7], rtol=1e-14)
     assert np.array_equal(pickle.loads(pickle.dumps(run)).times, run.times)
-
-
-def test_labels_units_and_nothing_missing(tmp_path: Path) -> None:
-    head = header(True)
-    writer = ResultWriter.create(tmp_path / "result", head)
-    writer.append(steps(head.layout, 0, 10))
-    writer.finish(Status.DONE, {})
-    data = RunResult(tmp_path / "result").to_xarray()
-    assert data["arm.elastic.coefficients"].dims == ("time", "arm.elastic.atom")
-    assert data["arm.elastic.atoms"].dims == ("arm.elastic.unknown", "arm.elastic.atom")
-    assert data["arm.thermal"].attrs["units"] == "K"
-    assert data["time"].attrs["units"] == "s"
-    assert data["probe.tip.component"].to_numpy().tolist() == ["x", "y"]
-    last = data["arm.rigid"].sel({"arm.rigid.unknown": "angle"})
-    assert np.array_equal(last, data["arm.rigid"][:, 2])
-    assert all(np.isfinite(v.to_numpy()).all() for v in data.data_vars.values())
-    assert data.sizes["time"] == 10
 
 
 def test_nodes_and_positions(tmp_path: Path) -> None:

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from sparsemor import load, simulate
 from sparsemor.bodies.terms.field_kinds import BODY_KINDS
@@ -13,7 +12,6 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.facets import outer_facets
 from sparsemor.core.protocols.layout import Block
 from sparsemor.core.protocols.mesh import Mesh
-from sparsemor.core.protocols.poses import angle_between
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.plugins.charts import view_in_space, write_run_charts
@@ -21,9 +19,6 @@ from sparsemor.plugins.charts.style import new_figure
 from sparsemor.plugins.charts.surface_fields import solid_bodies, surface_figures
 from sparsemor.plugins.charts.surface_pyvista_worker import DARKEST, LIGHT
 from sparsemor.plugins.charts.time_histories import (
-    angles_figure,
-    moving_bodies,
-    positions_figure,
     probe_displacement_figure,
     probe_temperature_figure,
     rate_of,
@@ -144,17 +139,6 @@ def ramp(triangles: int) -> BodySurface:
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("triangles", [200, 100_000])
-def test_colours_are_those_of_the_bar(triangles: int) -> None:
-    from matplotlib import colormaps
-
-    surface = ramp(triangles)
-    for y in (-0.8, 0.0, 0.6):
-        expected = np.array(colormaps["viridis"](0.5 + 0.5 * y)[:3])
-        np.testing.assert_allclose(colour_at(surface, (0.3, y)), expected, atol=0.02)
-
-
-@pytest.mark.full
 def test_pyvista_draws_the_same() -> None:
     pytest.importorskip("pyvista")
     from matplotlib import colormaps
@@ -206,23 +190,6 @@ def test_skins_at_chosen_times(run: RunResult) -> None:
 
 
 @pytest.mark.full
-def test_images_take_their_panels_in_order(run: RunResult) -> None:
-    asked: list[BodySurface] = []
-
-    def numbered(surfaces: Any) -> list[Any]:
-        asked.extend(surfaces)
-        return [np.full((4, 4, 3), k, dtype=np.uint8) for k in range(len(surfaces))]
-
-    figures = surface_figures(run, [0.01, 0.02], numbered)
-    drawn = [int(np.asarray(a.images[0].get_array()).flat[0])
-             for f in figures.values() for a in f.axes[:-1]]
-    assert drawn == list(range(8)) == list(range(len(asked)))
-    above, below = asked[1], asked[3]
-    assert not np.allclose(above.corners, below.corners)
-    assert np.array_equal(above.values, below.values)
-
-
-@pytest.mark.full
 def test_pictures_of_a_run_in_space(
     run: RunResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -249,45 +216,6 @@ def test_speed_is_that_of_the_parabola(run: RunResult) -> None:
 
 
 @pytest.mark.full
-def test_angle_and_speed_have_a_panel_each(run: RunResult) -> None:
-    figure = angles_figure(run, {"again": run}, "full")
-    assert figure is not None
-    assert [a.get_ylabel() for a in figure.axes] == [
-        "turned (°)", "angle (rad)", "angular speed (rad/s)"]
-    for axes in figure.axes:
-        assert [line.get_label() for line in axes.lines] == ["full (reference)", "again"]
-        assert np.array_equal(axes.lines[0].get_ydata(), axes.lines[1].get_ydata())
-
-
-def test_turn_of_a_quaternion() -> None:
-    rng = np.random.default_rng(3)
-    first, others = (Rotation.from_rotvec(2.0 * rng.standard_normal(size)) for size in (3, (20, 3)))
-    pose = np.zeros((22, 7))
-    pose[:, 3:] = np.concatenate([first.as_quat(scalar_first=True)[None]] * 2
-                                 + [others.as_quat(scalar_first=True)])
-    pose[1, 3:] *= -1.0  # the same attitude
-    expected = (others * first.inv()).magnitude()
-    np.testing.assert_allclose(angle_between(pose[:1], pose), [0.0, 0.0, *expected], atol=1e-7)
-
-
-@pytest.mark.full
-def test_positions_in_space(run: RunResult) -> None:
-    """The wheel turns on the spot, the bar swings down about y: y does not move and is left out."""
-    moving = moving_bodies(run)
-    assert {name: pose.shape[1] for name, (_, pose) in moving.items()} == {"bar": 7, "wheel": 4}
-    figure = positions_figure(moving)
-    assert figure is not None
-    labels = [a.get_ylabel() for a in figure.axes]
-    assert labels == ["x moved (µm)", "z moved (µm)", "turned (mrad)"]
-    lines = {line.get_label(): np.asarray(line.get_ydata()) for line in figure.axes[-1].lines}
-    np.testing.assert_allclose(lines["wheel"], 5e3 * run.times, rtol=1e-9)
-    A = Rotation.from_quat(run.block("bar.rigid")[:, 3:], scalar_first=True)
-    np.testing.assert_allclose(
-        lines["bar"], 1e3 * (A * A[0].inv()).magnitude(), rtol=1e-6, atol=1e-9)
-    still = {"top": (np.linspace(0, 1, 5), np.tile([1.0, 2.0, 3.0, 0.5], (5, 1)))}
-    assert positions_figure(still) is None
-
-
 def test_probes(run: RunResult) -> None:
     heat, bent = probe_temperature_figure(run), probe_displacement_figure(run)
     assert heat is not None and bent is not None

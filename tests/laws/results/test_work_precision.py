@@ -89,15 +89,6 @@ def test_stopped_runs_are_hollow_at_the_edge_and_named() -> None:
         "hollow, stopped early: deim 5 atoms (diverged)", "crossed out: error above 0.1"]
 
 
-def test_runs_that_never_stepped_are_named_too() -> None:
-    refused = replace(point("sparse", 5, Status.RANK_DEFICIENT), ms_per_step=None)
-    many = [replace(refused, budget=f"{i} atoms") for i in range(9)]
-    figure = work_precision_figure([point("galerkin", 5), *many], FULL, BODY_KINDS)
-    assert figure is not None
-    note = figure.get_supxlabel().replace("\n", " ")
-    assert "sparse 5 atoms (rank deficient), and 3 more" in note
-
-
 def test_nothing_to_draw() -> None:
     assert work_precision_figure([], FULL, BODY_KINDS) is None
     timeless = replace(point("sparse", 5), ms_per_step=None)
@@ -116,15 +107,3 @@ def test_names_with_dollar_signs_are_drawn_as_written() -> None:
     figure.draw_without_rendering()
     shown = {t.get_text().replace(r"\$", "$") for a in figure.axes for t in a.texts}
     assert {"$x$ "} < shown
-
-
-def test_ringed_points_are_explained_below() -> None:
-    figure = work_precision_figure(
-        [replace(point("sparse", 5), stable=False)], FULL, BODY_KINDS)
-    assert figure is not None and "stability limit" in figure.get_supxlabel()
-
-
-def test_budgets_without_numbers_are_not_joined() -> None:
-    names = [replace(point("galerkin", 5), budget=b) for b in ("pod", "modal")]
-    axes = panels(work_precision_figure(names, FULL, BODY_KINDS))["temperature"]
-    assert curve(axes, "#0072B2").get_linestyle() == "None"

@@ -6,13 +6,13 @@ import pytest
 from sparsemor.core import SparseSolver
 from sparsemor.core.linalg.column_subsets import ColumnSubsets
 from sparsemor.core.testing import installed
+from tiers import full
 
 ACTIVE = 5
 
 
-@pytest.mark.parametrize("name", ["cosamp", "greedy_gauss_newton", "lasso_lars", "omp"])
-@pytest.mark.parametrize(("shape", "orthonormal"), [
-    ((60, 32), False), ((60, 70), False), ((60, 32), True), ((32, 32), True)])
+@pytest.mark.parametrize("name", ["cosamp", "greedy_gauss_newton", full("lasso_lars"), "omp"])
+@pytest.mark.parametrize(("shape", "orthonormal"), [((60, 70), False), ((32, 32), True)])
 def test_prepare_selects_what_solve_selects(
     name: str, shape: tuple[int, int], orthonormal: bool
 ) -> None:
@@ -23,7 +23,7 @@ def test_prepare_selects_what_solve_selects(
     columns = ColumnSubsets(A / np.linalg.norm(A, axis=0), 1e-12)
     own, default = solver.prepare(columns, ACTIVE), SparseSolver.prepare(solver, columns, ACTIVE)
     assert type(own) is not type(default)
-    for _ in range(5):
+    for _ in range(2):
         x, wrong = np.zeros(shape[1]), np.zeros(shape[1], dtype=np.bool_)
         x[rng.choice(shape[1], ACTIVE, replace=False)] = rng.standard_normal(ACTIVE)
         wrong[rng.choice(shape[1], ACTIVE, replace=False)] = True

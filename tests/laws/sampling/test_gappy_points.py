@@ -1,7 +1,6 @@
 """GappyPOD+E with many columns: updates in place of an SVD a row change no choice."""
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +9,8 @@ from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.plugins.samplers import smallest_singular_pair as smallest
 from sparsemor.plugins.samplers.candidate_rows import GreedyRows
 from sparsemor.plugins.samplers.deim import pivots, raise_smallest
-from sparsemor.plugins.samplers.smallest_singular_pair import SMALL, RowFactor, Smallest, largest
+from sparsemor.plugins.samplers.smallest_singular_pair import SMALL, Smallest, largest
+from tiers import full
 
 Columns = Callable[[int, int, int], FloatArray]
 
@@ -55,8 +55,8 @@ class Checked(GreedyRows):
         return new
 
 
-@pytest.mark.parametrize("make", [random, moving])
-@pytest.mark.parametrize("k", [10, SMALL + 1, 80])
+@pytest.mark.parametrize(("make", "k"), [
+    (random, 10), (moving, 10), full(random, SMALL + 1), full(moving, 80)])
 def test_each_row_is_the_best_by_definition(make: Columns, k: int) -> None:
     U = make(4 * k, k, k)
     pivoted = rows_beside(U, np.zeros(0, np.int64), k)
@@ -65,38 +65,6 @@ def test_each_row_is_the_best_by_definition(make: Columns, k: int) -> None:
     rows.U = U
     raise_smallest(U, rows)
     assert rows.left == 0
-
-
-@pytest.mark.full
-@pytest.mark.parametrize("make", [random, moving])
-def test_values_stay_those_of_an_svd_over_many_rows(make: Columns) -> None:
-    k = SMALL + 16
-    U = make(4 * k, k, 1)
-    found, at = Smallest(U[: 2 * k]), 2 * k
-    while at < len(U):
-        q = 1 + at % 3  # rows of a node together, too
-        found.add(U[at : at + q])
-        at += q
-        s = np.linalg.svd(U[:at], compute_uv=False)
-        np.testing.assert_allclose(found.s, s[-2:], rtol=1e-8)
-        assert np.linalg.norm(U[:at] @ found.vector) == pytest.approx(s[-1], rel=1e-8)
-
-
-@pytest.mark.full
-def test_an_svd_a_row_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
-    taken = 0
-    whole = RowFactor.singular
-
-    def counted(self: RowFactor, k: int) -> Any:
-        nonlocal taken
-        taken += 1
-        return whole(self, k)
-
-    monkeypatch.setattr(RowFactor, "singular", counted)
-    U = random(480, 96, 0)
-    rows = rows_beside(U, np.arange(120), 100)
-    raise_smallest(U, rows)
-    assert rows.numbers().size == 220 and taken <= 20
 
 
 def test_where_iterations_do_not_converge_the_svd_is_asked(

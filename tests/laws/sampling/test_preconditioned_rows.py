@@ -10,14 +10,12 @@ import pytest
 from scipy.sparse import csr_array
 
 from small_scenes import everything, everything_assembled, tiny
-from sparsemor import compare, load, simulate
+from sparsemor import compare, simulate
 from sparsemor.core import Dictionary, ReducedProblem
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.assembly import assemble
-from sparsemor.core.model.initial_state import consistent_state
 from sparsemor.core.model.model import Model, StepFactors
 from sparsemor.core.notes import Level
-from sparsemor.core.protocols.integrator import advanced, step_formula
 from sparsemor.core.protocols.load_tables import LoadTable, Table
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.offline import Offline
@@ -34,8 +32,6 @@ from sparsemor.reducers.block_counts import required_rows
 from sparsemor.reducers.sparse.reducer import Sparse
 from sparsemor.reducers.sparse.residual_rows import inverted_blocks, plain_rows, samplers
 from sparsemor.reducers.sparse.sampled_block import (
-    SampledElastic,
-    SampledHeat,
     choose_rows,
     inverse_rows,
 )
@@ -81,19 +77,6 @@ def test_rows_of_the_inverse(name: str) -> None:
     np.testing.assert_allclose(got, want, rtol=0, atol=1e-11 * np.abs(want).max())
 
 
-def test_operators_are_those_of_the_step() -> None:
-    model = full().model
-    (heat,), (body,) = model.separated.heat, model.separated.moving
-    o = body.operators
-    assert o is not None
-    for name, want in (("bar.thermal", heat.conductivity + 1e3 * heat.capacity),
-                       ("bar.elastic", o.stiffness + 1e3 * o.damping + 1e6 * o.mass)):
-        got = model.block_data(name, step=STEP).operator
-        assert abs(got - want).max() < 1e-12 * abs(want).max()
-    data = model.block_data("bar.elastic", step=STEP)
-    assert data.step == 1e-3 and data.heat is not None and data.heat.step == 1e-3
-
-
 def test_samplers_see_the_equations_that_are_sampled() -> None:
     """D^-1 D = 1: the pivots are those of the atoms themselves."""
     model, name, rng = full().model, "bar.elastic", np.random.default_rng(0)
@@ -137,12 +120,10 @@ def test_rows_are_enough_for_their_condition(inverted: bool) -> None:
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("k", [
-    {"temperatures": [293.15, 1073.15], "values": [53.3, 27.3]}, 40.0])
-def test_local_terms_are_summed_over_few_elements(k: Any) -> None:
+def test_local_terms_are_summed_over_few_elements() -> None:
     """Of k(T) and radiation: the error of galerkin with the same atoms, from fewer elements, whose
     number does not grow with the mesh."""
-    kept = []
+    kept, k = [], {"temperatures": [293.15, 1073.15], "values": [53.3, 27.3]}
     for n in (12, 24):
         scene = scene_of({
             "bodies": {"b": {
@@ -166,36 +147,6 @@ def test_local_terms_are_summed_over_few_elements(k: Any) -> None:
         kept.append(run.summary["elements_touched"]["b.thermal"])
         assert kept[-1] < best.summary["elements_touched"]["b.thermal"]
     assert kept[1] < 1.5 * kept[0], kept
-
-
-@cache
-def pendulum() -> tuple[Scene, March]:
-    scene = load("double_pendulum", {
-        "time.end": 0.04, **{f"bodies.link{i}.mesh.elements": 320 for i in (1, 2)}})
-    return scene, march(scene.using({"reducer": "full"}))
-
-
-@pytest.mark.full
-def test_rows_of_the_error_come_near_to_galerkin() -> None:
-    """The same rows, atoms and sampler: the elastic error falls by more than a digit."""
-    scene, want = pendulum()
-    pods = {"basis": {"use": "pod", "count": 8}, "bases": {"*.thermal": {"use": "pod", "count": 5}}}
-    names = want.model.reducible()
-    sampled = {"use": "sparse", "sampler": "lhs",
-               "budgets": {"*.elastic": {"rows": 16}, "*.thermal": {"rows": 10}}}
-    found = {}
-    for label, reducer in {
-        "galerkin": {"use": "galerkin"}, "plain": {**sampled, "residual": "plain"},
-        "solved": {**sampled, "residual": "preconditioned"},
-    }.items():
-        run = march(scene.using({"reducer": {**pods, **reducer}}), model=want.model,
-                    snapshots={n: want.block(n).T for n in names})
-        found[label] = {n: error(run, want, n) for n in names}
-    for n in names:
-        assert found["solved"][n] < 10 * found["galerkin"][n], found
-    worst = {label: max(e for n, e in of.items() if n.endswith(".elastic"))
-             for label, of in found.items()}
-    assert worst["solved"] < 0.2 * worst["plain"], worst
 
 
 def test_default_takes_rows_of_the_error_where_operators_are_constant() -> None:
@@ -266,40 +217,6 @@ def test_no_row_is_missed_by_a_load() -> None:
     assert len(solver.rows["bar.elastic"]) == 5 and not solver.notes
 
 
-@pytest.mark.parametrize("budgets", [FIXED, BUDGETS], ids=["fixed", "selecting"])
-def test_prepared_rows_come_back_without_being_prepared_again(
-    budgets: dict[str, Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Each support of each set of rows once, and D^-1 not at all in the run."""
-    scene = sparse(resample=2, row_sets=3, residual="preconditioned", budgets=budgets,
-                   basis={"use": "pod", "count": 14},
-                   bases={"*.thermal": {"use": "pod", "count": 8}})
-    model, h, integrator = full().model, scene.time.step, scene.integrator
-    solver: Any = scene.reducer.prepare(ReducedProblem(
-        model, integrator, h, Offline.from_snapshots(model, snapshots()), np.random.default_rng(3)))
-    made: list[tuple[int, str, bytes]] = []
-    for kind in (SampledElastic, SampledHeat):
-        own = kind.on
-
-        def counted(block: Any, support: Any, own: Any = own) -> Any:
-            name = block.block.name
-            made.append((id(block), name, b"" if support is None else support.tobytes()))
-            return own(block, support)
-
-        monkeypatch.setattr(kind, "on", counted)
-    monkeypatch.setattr("sparsemor.reducers.sparse.step_solver.inverse_rows", None)
-    state, memory = solver.start(consistent_state(model))
-    state = integrator.start(solver.layout, state)
-    for _ in range(24):
-        formula = step_formula(integrator.rules(h), solver.layout, state, h)
-        outcome, memory = solver.solve(formula, memory)
-        assert outcome.status.ok
-        state = advanced(integrator.rules(h), solver.layout, state, formula, outcome)
-    assert solver.counters(memory)["resamplings"] == 11
-    assert len(made) == len(set(made))
-    assert bool(made) == (budgets is BUDGETS)
-
-
 # ------------------------------------------------------------------------ refusals
 
 
@@ -352,7 +269,7 @@ def heated() -> Model:
     LatinHypercube(required="ring"), Uniform(required="ring", unit="node"),
     DeimPoints(required="ring"), Leverage(required="ring"), SOpt(required="ring")], ids=repr)
 def test_the_ring_keeps_the_laws_of_samplers(sampler: Any) -> None:
-    check_sampler(sampler, seed=4, trials=8)
+    check_sampler(sampler, seed=4, trials=3)
 
 
 def test_ring_rows_are_counted_and_kept() -> None:
@@ -379,21 +296,19 @@ def test_ring_rows_are_counted_and_kept() -> None:
     assert len(solver.rows[name]) == len(kept) + min(free, 2)
 
 
-@pytest.mark.parametrize("reducer", [
-    {"use": "galerkin"},
-    {"use": "sparse", "budgets": {"*.elastic": {"rows": 10}, "*.thermal": {"rows": 4}},
-     "sampler": {"use": "deim", "required": "ring"}, "residual": "preconditioned"},
-], ids=["galerkin", "sparse"])
-def test_impulses_in_a_reduced_run(reducer: dict[str, Any]) -> None:
+@pytest.mark.full
+def test_impulses_in_a_reduced_run() -> None:
     """No snapshot of the temperatures under the moving source is used."""
     want = march(tiny().using({"reducer": "full"}), model=heated()).block("bar.thermal")
     heat = {"use": "dictionary", "orthonormal": True, "bases": [
         {"use": "impulse", "count": 10}, {"use": "static", "rates": [0, 10, 100, 1000]}]}
-    scene = with_reducer(**{**reducer, "bases": {"*.thermal": heat}})
+    scene = with_reducer(
+        use="sparse", budgets={"*.elastic": {"rows": 10}, "*.thermal": {"rows": 4}},
+        sampler={"use": "deim", "required": "ring"}, residual="preconditioned",
+        bases={"*.thermal": heat})
     run = march(scene, model=heated(), snapshots=snapshots())
     d = run.solver.dictionaries["bar.thermal"]
-    own = "mode at" if reducer["use"] == "galerkin" else "impulse mode"  # of the span's own modes
-    assert any(p.startswith(own) for p in d.provenance) and d.atoms.shape[1] < 18
+    assert any(p.startswith("impulse mode") for p in d.provenance) and d.atoms.shape[1] < 18
     got = d.offset + run.block("bar.thermal") @ d.atoms.T
     assert np.abs(got - want).max() < 5e-3 * np.abs(want - want[0]).max()
 

@@ -1,7 +1,6 @@
 """Recovery: true supports inside the theory, and agreement with peers."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,12 +20,10 @@ from sparsemor.core.testing.sparse_problems import (
     all_penalised,
     chained,
     incoherent,
-    tall,
 )
 from sparsemor.plugins.sparse_solvers.basis_pursuit import BasisPursuit, BasisPursuitLp
 from sparsemor.plugins.sparse_solvers.lasso_lars import LassoLars
 from sparsemor.plugins.sparse_solvers.newton_on_supports import LinearRecovery, Recovered
-from sparsemor.plugins.sparse_solvers.omp import OrthogonalMatchingPursuit
 from sparsemor.plugins.sparse_solvers.penalised import Penalised
 from sparsemor.plugins.sparse_solvers.supports import Linearised
 
@@ -55,7 +52,7 @@ def two_bases(rng: np.random.Generator, active: int) -> LeastSquares:
 
 @each
 def test_supports_within_the_coherence_bound_are_found(solver: SparseSolver) -> None:
-    @settings(max_examples=8)
+    @settings(max_examples=4)
     @given(seed=st.integers(0, 2**32 - 1), active=st.integers(1, 4))
     def found(seed: int, active: int) -> None:
         problem = two_bases(np.random.default_rng(seed), active)
@@ -67,23 +64,10 @@ def test_supports_within_the_coherence_bound_are_found(solver: SparseSolver) -> 
     found()
 
 
-@each
-@pytest.mark.parametrize("make", [incoherent, all_penalised, tall])
-def test_gaussian_supports_are_found(
-    solver: SparseSolver, make: Callable[[np.random.Generator], LeastSquares]
-) -> None:
-    for seed in range(100, 103):
-        problem = make(np.random.default_rng(seed))
-        outcome = empty(solver, problem)
-        assert outcome.status is Status.DONE
-        assert np.array_equal(outcome.support, problem.support), seed
-        np.testing.assert_allclose(outcome.c, problem.answer, atol=1e-10)
-
-
 @pytest.mark.full
 @pytest.mark.parametrize(("solver", "options"), VARIANTS.values(), ids=list(VARIANTS))
 def test_options_keep_the_laws(solver: type[SparseSolver], options: dict[str, Any]) -> None:
-    check_sparse_solver(solver(**options), trials=2)
+    check_sparse_solver(solver(**options), trials=1)
 
 
 @pytest.mark.parametrize("name", ["basis_pursuit_lp", "lasso_lars"])
@@ -98,20 +82,6 @@ def test_an_l1_norm_tells_nearly_parallel_columns_apart_where_correlation_does_n
 
 
 # ------------------------------------------------------------------- peers
-
-
-@pytest.mark.parametrize("coherence", [0.0, 0.97])
-@pytest.mark.parametrize("seed", range(5))
-def test_omp_agrees_with_scikit_learn(seed: int, coherence: float) -> None:
-    from sklearn.linear_model import OrthogonalMatchingPursuit as Peer
-
-    problem = chained(np.random.default_rng(seed), 60, 150, 8, coherence)
-    A = problem.A / np.linalg.norm(problem.A, axis=0)
-    problem = replace(problem, A=A)
-    peer = Peer(n_nonzero_coefs=8, fit_intercept=False).fit(A, A @ problem.answer)
-    outcome = empty(OrthogonalMatchingPursuit(), problem)
-    assert np.array_equal(outcome.support, peer.coef_ != 0.0)
-    np.testing.assert_allclose(outcome.c, peer.coef_, atol=1e-10)
 
 
 def direct_lp(problem: LeastSquares, b: FloatArray, tolerance: float = 0.0) -> FloatArray:
@@ -140,14 +110,14 @@ def recovered(solver: LinearRecovery, problem: LeastSquares, b: FloatArray) -> R
 
 
 @pytest.mark.parametrize(("solver", "options"), PURSUITS.values(), ids=list(PURSUITS))
+@pytest.mark.full
 @pytest.mark.parametrize("make", [incoherent, all_penalised])
-@pytest.mark.parametrize("seed", range(2))
 def test_basis_pursuit_agrees_with_a_direct_linear_program(
     solver: type[LinearRecovery], options: dict[str, Any],
-    make: Callable[[np.random.Generator], LeastSquares], seed: int
+    make: Callable[[np.random.Generator], LeastSquares]
 ) -> None:
     """For a right-hand side without any sparse answer, with and without free columns."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     problem = make(rng)
     b = rng.standard_normal(60)
     free = sum(g.stop - g.start for g in problem.groups if g.budget is None)

@@ -16,7 +16,6 @@ from sparsemor.core.results.checkpoint import Saved
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.time_stepping import FixedStep, accepted_steps, started
 from sparsemor.core.testing.in_memory_run import march
-from sparsemor.reducers.sparse.resampling import Resampled
 from tiers import quick
 from tiny_scene import BUDGETS, FIXED, full, prepared, snapshots
 
@@ -48,8 +47,8 @@ SETS: list[dict[str, Any]] = [{"resample": 3, "row_sets": 3}, {"resample": 3}]
 IDS = ["three sets in turn", "always new"]
 
 
-@pytest.mark.parametrize("budgets", [FIXED, BUDGETS], ids=["fixed", "selecting"])
-@pytest.mark.parametrize("options", SETS, ids=IDS)
+@pytest.mark.parametrize("budgets", quick([FIXED, BUDGETS], BUDGETS), ids=["fixed", "selecting"])
+@pytest.mark.parametrize("options", quick(SETS, SETS[0]), ids=IDS)
 def test_rows_change_every_n_steps(options: dict[str, Any], budgets: dict[str, Any]) -> None:
     run = Going(reduced(budgets=budgets, **options)).steps(20)
     first = prepared(reduced(budgets=budgets)).rows
@@ -67,8 +66,9 @@ def test_rows_change_every_n_steps(options: dict[str, Any], budgets: dict[str, A
     assert run.solver.counters(run.memory)["resamplings"] == 6
 
 
-@pytest.mark.parametrize("budgets", quick([FIXED, BUDGETS], BUDGETS), ids=["fixed", "selecting"])
-@pytest.mark.parametrize("options", quick(SETS, SETS[0]), ids=IDS)
+@pytest.mark.full
+@pytest.mark.parametrize("budgets", [FIXED, BUDGETS], ids=["fixed", "selecting"])
+@pytest.mark.parametrize("options", SETS, ids=IDS)
 def test_a_resampled_run_goes_on_from_its_memory(
     options: dict[str, Any], budgets: dict[str, Any]
 ) -> None:
@@ -85,6 +85,7 @@ def test_a_resampled_run_goes_on_from_its_memory(
         assert all(np.array_equal(a[n], b[n]) for n in b)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("options", SETS, ids=IDS)
 def test_resampled_rows_give_the_run_back(options: dict[str, Any]) -> None:
     run = march(reduced(**options | {"resample": 1}), model=full().model, snapshots=snapshots())
@@ -92,13 +93,6 @@ def test_resampled_rows_give_the_run_back(options: dict[str, Any]) -> None:
         d, want = run.solver.dictionaries[name], full().block(name)
         got = d.offset + run.block(name) @ d.atoms.T
         assert np.abs(got - want)[1:].max() < 1e-4 * np.abs(want - want[0]).max(), name
-
-
-def test_one_memory_does_not_draw_for_another() -> None:
-    scene = reduced(resample=1)
-    solver = prepared(scene)
-    a, b = Going(scene, solver).steps(5), Going(scene, solver).steps(5)
-    np.testing.assert_array_equal(a.state.x, b.state.x)
 
 
 class Rows:
@@ -130,14 +124,3 @@ def test_observers_hear_of_new_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     blocks = ["bar.elastic", "bar.thermal"]
     # the rows of a step are told before the step itself
     assert sorted(rows.heard) == [(n, b) for n in (0, 4, 8) for b in blocks]
-
-
-def test_nothing_of_the_mesh_is_kept_where_sets_come_back() -> None:
-    solver = prepared(reduced(resample=2, row_sets=3))
-    assert isinstance(solver, Resampled) and solver.fresh is None and solver.draw is None
-    sizes = {len(s.mechanics.whole.bodies[0].operators.mass) for s in solver.sets}
-    assert len(solver.sets) == 3 and len(sizes) == 1
-    for s in solver.sets:
-        operators = s.operators["bar.elastic"]
-        assert operators.mass.base is None, "a view would keep the operators of all rows alive"
-        assert len(operators.mass) == len(s.rows["bar.elastic"])

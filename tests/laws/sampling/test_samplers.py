@@ -10,32 +10,20 @@ from hypothesis import strategies as st
 from sparsemor.core import BlockData, Dictionary, Sampler
 from sparsemor.core.arrays import IntArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.testing import check_sampler, installed
+from sparsemor.core.testing import check_sampler
 from sparsemor.core.testing.random_inputs import random_block, random_dictionary
 from sparsemor.plugins.samplers.candidate_rows import RowSampler
-from sparsemor.plugins.samplers.deim import DeimPoints
-from sparsemor.plugins.samplers.leverage import Leverage
 from sparsemor.plugins.samplers.lhs import LatinHypercube, one_per_stratum
 from sparsemor.plugins.samplers.random import Uniform
-from sparsemor.plugins.samplers.s_opt import SOpt
 
 NONE = np.zeros(0, dtype=np.int64)
 
 
-OURS = {"lhs": LatinHypercube, "random": Uniform, "deim": DeimPoints,
-        "leverage": Leverage, "s_opt": SOpt}
-
-
-def test_our_own_samplers_are_installed() -> None:
-    assert OURS.items() <= installed("sampler").items()
-
-
-@pytest.mark.full
 @pytest.mark.parametrize("kind", [LatinHypercube, Uniform])
 @pytest.mark.parametrize("required", [True, False])
 def test_options_keep_the_laws(kind: type[RowSampler], required: bool) -> None:
-    check_sampler(kind(required=required, unit="node"), seed=1)
-    check_sampler(kind(required=required), seed=2)
+    check_sampler(kind(required=required, unit="node"), seed=1, trials=5)
+    check_sampler(kind(required=required), seed=2, trials=5)
 
 
 def plane(nodes: int) -> BlockData:
@@ -51,7 +39,7 @@ def draw(sampler: Sampler, block: BlockData, m: int, required: IntArray, seed: i
 
 
 @given(st.integers(1, 300), st.data())
-@settings(max_examples=60)
+@settings(max_examples=20)
 def test_each_stratum_gives_one_row(N: int, data: st.DataObject) -> None:
     m = data.draw(st.integers(1, N))
     rows = one_per_stratum(N, m, np.random.default_rng(N))
@@ -62,17 +50,12 @@ def test_each_stratum_gives_one_row(N: int, data: st.DataObject) -> None:
 @pytest.mark.full
 @pytest.mark.parametrize("sampler", [LatinHypercube(), Uniform()], ids=repr)
 def test_every_row_is_equally_likely(sampler: Sampler) -> None:
-    block, runs = plane(10), 3000
+    block, runs = plane(10), 1000
     counts = np.zeros(20)
     for seed in range(runs):
         counts[draw(sampler, block, 5, NONE, seed)] += 1
-    # 5 of 20 rows: mean runs / 4, standard deviation below 24
-    assert np.abs(counts - runs / 4).max() < 5 * 24
-
-
-def test_lhs_leaves_no_gap_wider_than_two_strata() -> None:
-    rows = draw(LatinHypercube(), plane(200), 20, NONE)
-    assert np.diff(rows).max() < 2 * 400 // 20
+    # 5 of 20 rows: mean runs / 4, standard deviation below 14
+    assert np.abs(counts - runs / 4).max() < 5 * 14
 
 
 @pytest.mark.parametrize("kind", [LatinHypercube, Uniform])

@@ -1,7 +1,7 @@
 """Samplers that look at the atoms: deim, leverage, s_opt. Against definitions, bounds and pyMOR."""
 
 from dataclasses import replace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +16,6 @@ from sparsemor.plugins.samplers.candidate_rows import GreedyRows, SpanSampler, o
 from sparsemor.plugins.samplers.deim import DeimPoints
 from sparsemor.plugins.samplers.leverage import Leverage, leverage
 from sparsemor.plugins.samplers.s_opt import SOpt
-from tiers import quick
 
 NONE = np.zeros(0, dtype=np.int64)
 EVERY: list[tuple[type[SpanSampler], dict[str, Any]]] = [
@@ -61,13 +60,12 @@ def random_rows(n: int, m: int, seed: int, required: IntArray = NONE) -> IntArra
 
 
 @pytest.mark.parametrize(("kind", "options"), EVERY)
-@pytest.mark.parametrize("unit", quick(["dof", "node"], "dof"))
-@pytest.mark.parametrize("of", quick(["operator", "atoms"], "operator"))
+@pytest.mark.parametrize(("unit", "of"), [("dof", "operator"), ("node", "atoms")])
 def test_every_option_keeps_the_laws(
     kind: type[SpanSampler], options: dict[str, Any], unit: str, of: str
 ) -> None:
-    check_sampler(kind(unit=unit, of=of, **options), seed=1, trials=8)
-    check_sampler(kind(unit=unit, of=of, required=False, **options), seed=2, trials=8)
+    check_sampler(kind(unit=unit, of=of, **options), seed=1, trials=3)
+    check_sampler(kind(unit=unit, of=of, required=False, **options), seed=2, trials=3)
 
 
 @pytest.mark.parametrize(("kind", "options"), EVERY)
@@ -82,11 +80,11 @@ def test_rows_of_a_complete_basis_are_those_of_its_leading_atoms(
 
 
 @pytest.mark.parametrize(("kind", "options"), EVERY)
-@pytest.mark.parametrize("k", [1, 7, 90])
+@pytest.mark.parametrize("k", [1, 90])
 def test_any_number_of_atoms_dependent_ones_too(
     kind: type[SpanSampler], options: dict[str, Any], k: int
 ) -> None:
-    for seed in range(6):
+    for seed in range(3):
         rng = np.random.default_rng([seed, k])
         block = random_block(rng)
         T = random_dictionary(block.size, k, rng).atoms
@@ -97,7 +95,7 @@ def test_any_number_of_atoms_dependent_ones_too(
         assert rows.size == m + required.size and np.isin(required, rows).all()
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_q_deim_takes_the_pivots_of_lapack_and_keeps_its_bound(seed: int) -> None:
     n, k = 120, 12
     U = np.linalg.qr(np.random.default_rng(seed).standard_normal((n, k)))[0]
@@ -116,7 +114,8 @@ def test_q_deim_sees_the_space_and_not_its_basis() -> None:
     assert np.array_equal(rows_of(DeimPoints(), U, 15), rows_of(DeimPoints(), mixed, 15))
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.full
+@pytest.mark.parametrize("seed", range(2))
 def test_greedy_deim_agrees_with_pymor(seed: int) -> None:
     from pymor.algorithms.ei import deim
     from pymor.vectorarrays.numpy import NumpyVectorSpace
@@ -142,7 +141,7 @@ def test_oversampling_raises_the_smallest_singular_value(options: dict[str, Any]
 def test_rows_are_chosen_knowing_the_required_ones(kind: type[SpanSampler]) -> None:
     """Better, in the median, than the same number of rows chosen without looking at them."""
     gained = []
-    for seed in range(15):
+    for seed in range(7):
         U = smooth(120, 10, seed)
         required = np.arange(20) + int(np.random.default_rng(seed).integers(100))
         together = rows_of(kind(of="atoms"), U, 10, required)
@@ -171,13 +170,6 @@ def s_quantity(A: FloatArray) -> float:
     return float(np.exp(np.log(np.maximum(s, 1e-300)).mean()))
 
 
-def test_s_quantity_of_known_matrices() -> None:
-    assert s_quantity(np.eye(4)[:, :3] * 7.0) == pytest.approx(1.0)
-    assert s_quantity(np.array([[1.0, 1.0], [0.0, 1.0]])) == pytest.approx(0.5**0.25)
-    assert s_quantity(np.ones((3, 2))) < 1e-7
-    assert s_quantity(np.ones((1, 2))) == 0.0
-
-
 @pytest.mark.parametrize("required", [NONE, np.array([3, 4, 5, 6]), np.arange(10, 22)])
 def test_s_opt_is_the_greedy_maximum_of_s(required: IntArray) -> None:
     """Each row is the best of all by the definition: fast updates change no choice."""
@@ -194,14 +186,6 @@ def test_s_opt_is_the_greedy_maximum_of_s(required: IntArray) -> None:
         else:
             assert new == np.abs(U[:, 0]).argmax()
         taken.append(int(new))
-
-
-@pytest.mark.parametrize("m", [10, 15, 40])
-def test_s_opt_is_above_the_median_of_random_rows(m: int) -> None:
-    for seed in range(8):
-        U = smooth(150, 10, seed)
-        drawn = [s_quantity(U[random_rows(150, m, s)]) for s in range(31)]
-        assert s_quantity(U[rows_of(SOpt(of="atoms"), U, m)]) > np.median(drawn)
 
 
 def test_s_opt_starts_well_from_required_rows_that_hardly_see_the_atoms() -> None:
@@ -245,6 +229,7 @@ def test_random_leverage_draws_in_proportion_to_the_scores() -> None:
     assert (np.abs(hits - runs * share) < 4.5 * deviation).all()
 
 
+@pytest.mark.full
 def test_whole_nodes_of_leverage_are_drawn_by_their_sum() -> None:
     U = np.zeros((8, 1))
     U[[2, 5], 0] = 0.6, 0.8
@@ -286,11 +271,6 @@ def test_atoms_that_vanish_under_the_operator_are_refused_in_words() -> None:
     with pytest.raises(InputError, match="all atoms of link.elastic vanish"):
         DeimPoints().sample(
             block, 3, dictionary_of(np.eye(10)[:, :2]), np.random.default_rng(0), NONE)
-
-
-def test_a_sampler_without_a_rule_cannot_be_made() -> None:
-    with pytest.raises(TypeError, match="choose"):
-        cast(Any, SpanSampler)()
 
 
 def test_orthonormal_keeps_leading_spans_and_drops_repetitions() -> None:

@@ -1,6 +1,5 @@
 """Recovery, statuses and cycles of the greedy sparse solver; what its law kit catches."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,40 +20,6 @@ from sparsemor.core.status import Status
 from sparsemor.core.testing import check_sparse_solver
 from sparsemor.core.testing.sparse_problems import LeastSquares, empty_start, incoherent
 from sparsemor.plugins.sparse_solvers.greedy_gauss_newton import GreedyGaussNewton
-from sparsemor.plugins.sparse_solvers.supports import Visits
-
-
-@pytest.mark.parametrize("seed", range(10))
-@pytest.mark.parametrize("growth", [None, 1])
-def test_incoherent_supports_are_recovered(seed: int, growth: int | None) -> None:
-    problem = incoherent(np.random.default_rng(seed))
-    outcome = GreedyGaussNewton(growth=growth).solve(problem, empty_start(74))
-    assert outcome.status is Status.DONE
-    assert np.array_equal(outcome.support, problem.support)
-    np.testing.assert_allclose(outcome.c, problem.answer, atol=1e-10)
-
-
-def coherent(rng: np.random.Generator, k: int = 60, m: int = 40, active: int = 4) -> LeastSquares:
-    """Problem with one group of smooth columns, neighbours nearly parallel: recovery is not
-    guaranteed."""
-    x, centres = np.linspace(0.0, 1.0, m)[:, None], np.linspace(0.0, 1.0, k)
-    A = np.exp(-(((x - centres) / 0.06) ** 2))
-    answer = np.zeros(k)
-    answer[rng.choice(k, active, replace=False)] = rng.uniform(1.0, 2.0, active)
-    return LeastSquares((Group("only", 0, k, active),), A, np.zeros((m, k)), 0.0, answer)
-
-
-def test_coherent_problems_end_honestly(record_property: Callable[[str, object], None]) -> None:
-    """Recovery is reported, not asserted: no greedy method finds every coherent support."""
-    found = 0
-    for seed in range(20):
-        problem = coherent(np.random.default_rng(seed))
-        outcome = GreedyGaussNewton().solve(problem, empty_start(60))
-        found += np.array_equal(outcome.support, problem.support)
-        assert outcome.support.sum() <= 4
-        norm = float(np.linalg.norm(problem.residual(outcome.c)))
-        assert outcome.residual_norm == pytest.approx(norm, abs=1e-12)
-    record_property("coherent supports found of 20", found)
 
 
 def imitated() -> LeastSquares:
@@ -74,7 +39,7 @@ def test_an_imitated_atom_is_found_when_all_may_enter() -> None:
     outcome = GreedyGaussNewton(candidates="all").solve(problem, SparseStart(np.zeros(12), start))
     assert outcome.status is Status.DONE
     np.testing.assert_allclose(outcome.c, problem.answer, atol=1e-9)
-    check_sparse_solver(GreedyGaussNewton(candidates="all"))
+    check_sparse_solver(GreedyGaussNewton(candidates="all"), trials=2)
 
 
 def test_a_warm_start_on_the_right_support_takes_two_linearisations() -> None:
@@ -84,24 +49,6 @@ def test_a_warm_start_on_the_right_support_takes_two_linearisations() -> None:
     )
     assert outcome.iterations == 2
     assert np.array_equal(outcome.support, problem.support)
-
-
-def test_a_wrong_warm_start_is_left() -> None:
-    problem = incoherent(np.random.default_rng(2))
-    wrong = np.zeros(74, dtype=np.bool_)
-    wrong[4:7] = wrong[44:46] = True
-    outcome = GreedyGaussNewton().solve(problem, SparseStart(wrong.astype(float), wrong))
-    np.testing.assert_allclose(outcome.c, problem.answer, atol=1e-10)
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_newton_converges_quadratically_on_a_consistent_nonlinear_problem(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    problem = replace(incoherent(rng), bend=0.05)
-    near = problem.answer * (1.0 + 0.02 * rng.standard_normal(74))
-    outcome = GreedyGaussNewton().solve(problem, SparseStart(near, problem.support))
-    assert outcome.status is Status.DONE and outcome.iterations <= 6
-    np.testing.assert_allclose(outcome.c, problem.answer, atol=1e-9)
 
 
 def test_atoms_at_round_off_do_not_keep_the_iteration_alive() -> None:
@@ -118,36 +65,12 @@ def test_atoms_at_round_off_do_not_keep_the_iteration_alive() -> None:
     assert np.array_equal(again.support, outcome.support)
 
 
-def test_equal_active_atoms_are_reported_as_rank_deficient() -> None:
-    problem = incoherent(np.random.default_rng(0))
-    A = problem.A.copy()
-    A[:, 5] = 2.0 * A[:, 6]
-    twins = replace(problem, A=A)
-    start = empty_start(74).support
-    start[5:7] = True
-    outcome = GreedyGaussNewton().solve(twins, SparseStart(np.zeros(74), start))
-    assert outcome.status is Status.RANK_DEFICIENT
-    assert not outcome.c.any()  # the start: nothing was solved blindly
-
-
 def test_a_cycle_cut_short_gives_the_best_iterate_met() -> None:
     outcome = GreedyGaussNewton(max_iterations=3).solve(Tempting(), empty_start(2))
     assert outcome.status is Status.NOT_CONVERGED
     norm = float(np.linalg.norm(Tempting().residual(outcome.c)))
     assert outcome.residual_norm == pytest.approx(norm)
     assert norm < np.linalg.norm([1.0, 1.2, 1.0])
-
-
-def test_visits_tell_a_return_from_a_stay() -> None:
-    one, two = np.array([True, False]), np.array([False, True])
-    visits = Visits()
-
-    def back(support: BoolArray, norm: float) -> bool:
-        return visits.note(SparseOutcome(np.zeros(2), support, Status.DONE, 1, norm))
-
-    assert not (back(one, 3.0) or back(one, 2.0) or back(two, 1.5))
-    assert back(one, 1.0)
-    assert visits.best().residual_norm == 1.0
 
 
 class Broken(GreedyGaussNewton):

@@ -61,14 +61,17 @@ class Started:
 @pytest.mark.parametrize("changes, key, message", CASES.values(), ids=list(CASES))
 def test_validate_refuses_what_needs_no_training(changes, key, message, here):
     scene = load(TINY, {"time.end": 0.004, "training.end": 0.004, **changes})
-    with pytest.raises(InputError) as caught:
-        checked_model(scene)
-    assert [f.key for f in caught.value.faults][0] == key
-    assert message in str(caught.value)
     watched = Started()
-    with pytest.raises(InputError):
-        simulate(scene, observers=[watched])
-    assert watched.phases == []
+    with pytest.raises(InputError) as caught:
+        simulate(scene, observers=[watched])  # which checks as `validate` does
+    assert [f.key for f in caught.value.faults][0] == key
+    assert message in str(caught.value) and watched.phases == []
+
+
+@pytest.mark.parametrize("name", ["bar.thermal", "x.elastic", "joint x", "b:left"])
+def test_a_name_has_no_room_for_a_field(name):
+    with pytest.raises(InputError, match="a name is made of letters, digits and _"):
+        load(TINY).using({"loads": {name: {"use": "gravity"}}})
 
 
 @pytest.mark.parametrize("changes", [

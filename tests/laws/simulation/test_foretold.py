@@ -9,14 +9,13 @@ from typer.testing import CliRunner
 
 from sparsemor import load
 from sparsemor.bodies.fem.integrals import capacity
-from sparsemor.bodies.flexible import body_size
 from sparsemor.bodies.mesh.generators.disk import Disk
 from sparsemor.bodies.mesh.generators.pad import Pad
 from sparsemor.core.cli import app
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.simulation.memory import limits as memory
-from sparsemor.core.simulation.memory.estimate import estimate, precheck_memory
+from sparsemor.core.simulation.memory.estimate import precheck_memory
 from sparsemor.core.simulation.validation import checked_model
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -95,21 +94,6 @@ def test_factors_count_where_a_solver_must_have_them() -> None:
     assert sizes["splu"] > 1.1 * sizes["auto"] and sizes["auto"] == sizes["cg"]
 
 
-@pytest.mark.full
-def test_counts_and_matrices_tell_the_same_start() -> None:
-    scene = load(SCENES / "heated_disk.yaml", {"bodies.disk.mesh.refine": 0.5, "reducer": "full"})
-    from sparsemor.core.registry.hooks import new_manager
-    from sparsemor.core.simulation.cache import Cache
-    from sparsemor.core.simulation.stages_before_steps import prepared
-
-    model, offline = prepared(scene, Cache(), new_manager())
-    early = precheck_memory(scene)
-    assert early is not None
-    starts = [next(i.size for i in told.phases["steps"] if "at the start" in i.what)
-              for told in (early, estimate(scene, model, offline, exact=False))]
-    assert starts[0] == pytest.approx(starts[1], rel=0.35)  # held displacements have no rows
-
-
 def test_bodies_that_do_not_know_their_size_are_left_to_the_later_count() -> None:
     scene = load("double_pendulum", {"bodies.link1.mesh": {"use": "file", "path": "no.msh"}})
     told = precheck_memory(scene)
@@ -125,12 +109,3 @@ def test_a_wrong_end_of_the_training_is_told_once() -> None:
     with pytest.raises(InputError) as error:
         checked_model(scene)
     assert [f.key for f in error.value.faults] == ["training.end"]
-
-
-def test_unknowns_of_a_body() -> None:
-    mesh = mesh_of({"use": "disk"}).expected()
-    assert body_size(mesh, True, True).unknowns == {"elastic": 8145, "thermal": 2715}
-    assert body_size(mesh, False, True).unknowns == {"thermal": 2715}
-    assert body_size(mesh, False, False).scalar_entries == mesh.pairs
-    assert body_size(mesh, False, True).vector_entries == 0
-    assert body_size(mesh, True, True).vector_entries == 12 * mesh.pairs

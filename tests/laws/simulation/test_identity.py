@@ -117,6 +117,7 @@ def test_the_digest_of_the_program_reads_every_source() -> None:
     assert len(known) > 200
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("place", "runs", "studies"), [
     ("core", True, False), ("plugins", True, False), ("plugins/study", False, True),
     ("plugins/liang2026", False, False), ("core/cli", False, False)])

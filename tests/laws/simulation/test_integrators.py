@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
-from sparsemor.bodies.terms.field_kinds import ELASTIC, MULTIPLIER, RIGID, THERMAL
+from sparsemor.bodies.terms.field_kinds import ELASTIC, THERMAL
 from sparsemor.core import Integrator, State, StepFormula, StepOutcome, UpdateRule, UpdateRules
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols.integrator import advanced, step_formula
@@ -22,18 +21,16 @@ from tiers import full
 
 RADII = (0.0, 0.5, 0.8, 1.0)
 OSCILLATOR = Layout([Block("b", ELASTIC, 1)])
-PENDULUM = Layout([Block("b", RIGID, 2), Block("j", MULTIPLIER, 1)])
 
 
 @pytest.mark.parametrize(
     ("integrator", "order"),
-    [(Bdf1(), 1.0), (Bdf2(), 2.0), *((GeneralizedAlpha(rho_inf=rho), 2.0) for rho in (0.0, 0.8)),
-     *(full(GeneralizedAlpha(rho_inf=rho), 2.0) for rho in (0.5, 1.0))],
+    [(Bdf1(), 1.0), full(Bdf2(), 2.0),
+     *(full(GeneralizedAlpha(rho_inf=rho), 2.0) for rho in RADII)],
     ids=repr,
 )
 def test_observed_orders(integrator: Integrator, order: float) -> None:
-    check_integrator(integrator, seed=1)
-    errors = [integrate(integrator, steps).errors for steps in (400, 800)]
+    errors = [integrate(integrator, steps).errors for steps in (200, 400)]
     np.testing.assert_allclose(np.log2(errors[0] / errors[1]), order, atol=0.15)
 
 
@@ -105,24 +102,10 @@ def test_spectral_radius_at_high_frequency_is_rho_inf(rho: float) -> None:
 
 
 @pytest.mark.parametrize("rho", RADII)
-@pytest.mark.parametrize("wh", [1e-2, 0.3, 1.0, 3.0, 100.0])
+@pytest.mark.parametrize("wh", [1e-2, 1.0, 100.0])
 def test_no_frequency_grows(rho: float, wh: float) -> None:
     G = amplification(GeneralizedAlpha(rho_inf=rho), wh, 1.0)
     assert np.abs(np.linalg.eigvals(G)).max() < 1.0 + 1e-7
-
-
-@pytest.mark.full
-def test_the_undamped_rule_keeps_the_energy() -> None:
-    integrator, w = GeneralizedAlpha(rho_inf=1.0), 3.0
-    state = integrator.start(OSCILLATOR, one(1.0, 0.5, -w * w, np.zeros((1, 0))))
-
-    def energy(s: State) -> float:
-        return float(s.v[0] ** 2 + w * w * s.x[0] ** 2)
-
-    before = energy(state)
-    for _ in range(2000):
-        state = oscillate(integrator, w, 0.2, state)
-    assert energy(state) == pytest.approx(before, rel=1e-10)
 
 
 def test_fast_decays_vanish_under_generalized_alpha() -> None:
@@ -136,52 +119,6 @@ def test_fast_decays_vanish_under_generalized_alpha() -> None:
         columns.append([after(rules, layout, state, f, -f.r1 / (f.c1_first + rate)).x[0], T])
     assert np.abs(np.linalg.eigvals(np.array(columns).T)).max() == pytest.approx(
         np.sqrt(0.5 / rate), rel=1e-3)
-
-
-def pendulum_equations(u: FloatArray, a: FloatArray) -> FloatArray:
-    """u = (x, y, multiplier) of a unit mass on a unit rod under gravity 9.81 m/s2."""
-    x, y, lam = u
-    return np.array([a[0] + x * lam, a[1] + y * lam + 9.81, 0.5 * (x * x + y * y - 1.0)])
-
-
-def swing(integrator: Integrator, h: float, end: float) -> State:
-    """Index-3 equations, Newton to round-off in every step, from 1 rad at rest."""
-    x = np.array([np.sin(1.0), -np.cos(1.0), 9.81 * np.cos(1.0)])
-    pull = -9.81 * np.sin(1.0)
-    a = np.array([pull * np.cos(1.0), pull * np.sin(1.0), 0.0])
-    state = integrator.start(PENDULUM, State(0.0, x, np.zeros(3), a, np.zeros((3, 0))))
-    rules = integrator.rules(h)
-    for _ in range(round(end / h)):
-        f = step_formula(rules, PENDULUM, state, h)
-        u = state.x.copy()
-        for _ in range(8):
-            J = np.array([[f.c2 + u[2], 0, u[0]], [0, f.c2 + u[2], u[1]], [u[0], u[1], 0]])
-            u = u - np.linalg.solve(J, pendulum_equations(u, f.c2 * u + f.r2))
-        state = after(rules, PENDULUM, state, f, u)
-    return state
-
-
-@pytest.mark.parametrize(
-    ("integrator", "order"),
-    [(Bdf1(), 1.0), (Bdf2(), 2.0),
-     *(full(GeneralizedAlpha(rho_inf=rho), 2.0) for rho in (0.0, 0.5)),
-     (GeneralizedAlpha(rho_inf=0.8), 2.0)],
-    ids=repr,
-)
-def test_orders_on_an_index_3_pendulum(integrator: Integrator, order: float) -> None:
-    end = 1.0
-    angle, rate = solve_ivp(
-        lambda t, y: [y[1], -9.81 * np.sin(y[0])], (0.0, end), [1.0, 0.0], "DOP853",
-        rtol=1e-12, atol=1e-13,
-    ).y[:, -1]
-    x = np.array([np.sin(angle), -np.cos(angle)])
-    v = rate * np.array([np.cos(angle), np.sin(angle)])
-    ends = [swing(integrator, h, end) for h in (1 / 200, 1 / 400)]
-    errors = [[np.linalg.norm(s.x[:2] - x), np.linalg.norm(s.v[:2] - v)] for s in ends]
-    np.testing.assert_allclose(np.log2(np.array(errors[0]) / np.array(errors[1])), order, atol=0.15)
-    assert abs(np.linalg.norm(ends[1].x[:2]) - 1.0) < 1e-12
-    if order == 2.0:
-        assert not ends[1].v[2:].any() and not ends[1].a[2:].any()
 
 
 def test_a_radius_outside_0_1_is_refused() -> None:

@@ -15,7 +15,7 @@ from sparsemor.core import DofLocations, LinearSolver
 from sparsemor.core.arrays import Csr, FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.linear_solver_checks import Solved, relative_residuals, rigid_motions
-from sparsemor.core.linalg.nested_dissection import dissect, node_numbers
+from sparsemor.core.linalg.nested_dissection import dissect
 from sparsemor.core.status import Status
 from sparsemor.core.testing import check_linear_solver
 from sparsemor.core.testing.linear_solver import random_heat, random_lattice
@@ -77,7 +77,7 @@ def test_superlu_solves_for_many_columns_in_chunks(columns: int) -> None:
     AutomaticSolver(rtol=1e-7), ConjugateGradients(rtol=1e-7),
 ])
 def test_other_options_keep_the_laws(solver: LinearSolver) -> None:
-    check_linear_solver(solver, trials=2)
+    check_linear_solver(solver, trials=1)
 
 
 @pytest.mark.parametrize("cls,name", [(Pardiso, "pardiso"), (Cholmod, "cholmod"),
@@ -131,13 +131,6 @@ def test_dissection_needs_positions() -> None:
     assert caught.value.faults[0].key == "ordering"
 
 
-def test_nodes_are_told_apart_by_their_components() -> None:
-    X = np.repeat(np.arange(4.0)[:, None], 2, axis=0)[:7]
-    component = np.array([0, 1, 1, 0, 1, 0, 1])
-    X = np.array([[0.0], [0.0], [1.0], [2.0], [2.0], [2.0], [2.0]])  # two nodes at one place
-    assert node_numbers(DofLocations(X, component)).tolist() == [0, 0, 1, 2, 2, 3, 3]
-
-
 def test_rigid_motions_cost_no_force() -> None:
     mesh = block(2)
     K = elasticity.elastic_stiffness(mesh, STEEL, 1.0, "solid")
@@ -167,16 +160,6 @@ def test_a_warm_start_saves_iterations() -> None:
     near = done.outcome(1.001 * b, cold.x)
     assert 0 < near.iterations <= 0.8 * cold.iterations
     assert done.outcome(b, cold.x).iterations == 0
-
-
-@pytest.mark.full
-def test_conjugate_gradients_do_not_notice_the_mesh_where_capacity_rules() -> None:
-    counts = []
-    for n in (4, 8, 16):  # the step shrinks with the square of the edge: k h / (rho c edge^2) stays
-        A, places = heat(n, 1e3 * (4 / n) ** 2)
-        b = np.random.default_rng(0).standard_normal(A.shape[0])
-        counts.append(ConjugateGradients().factorize(A, places).outcome(b).iterations)
-    assert max(counts) <= min(counts) + 4
 
 
 @pytest.mark.full
@@ -229,15 +212,6 @@ def test_auto_says_what_it_took_and_why() -> None:
     done = AutomaticSolver(memory=4.0).factorize(steady, places)
     assert done.solver in {"splu", "cholmod", "pardiso"}
     assert "fit in 4 GB" in done.note
-
-
-@pytest.mark.full
-def test_auto_prefers_the_quickest_direct_solver_there_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    A, places = heat(15, 1e7)
-    for there, cls in (({"sksparse", "pypardiso"}, Cholmod), ({"pypardiso"}, Pardiso),
-                       (set(), Splu)):
-        monkeypatch.setattr(auto_module, "find_spec", lambda m, there=there: m in there or None)
-        assert type(AutomaticSolver().choose(A, places)[0]) is cls
 
 
 @pytest.mark.full
@@ -316,5 +290,3 @@ class Broken(LinearSolver):
 def test_a_broken_linear_solver_fails_its_law(fault: str, words: str) -> None:
     with pytest.raises((AssertionError, InputError), match=words):
         check_linear_solver(Broken(fault=fault), trials=2)
-
-

@@ -9,17 +9,13 @@ import pytest
 from typer.testing import CliRunner
 
 from sparsemor import load, simulate
-from sparsemor.core import Trial
 from sparsemor.core.cli import app
 from sparsemor.core.errors import InputError
-from sparsemor.core.model.assembly import assemble
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.memory import limits as memory
 from sparsemor.core.simulation.memory.estimate import estimate, fitting
-from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.simulation.stages_before_steps import prepared
-from sparsemor.core.testing.in_memory_run import scene_of
 from sparsemor.plugins.comparison.cost import run_facts
 from sparsemor.plugins.linear_solvers.auto import AutomaticSolver
 from sparsemor.plugins.linear_solvers.superlu import Splu
@@ -30,12 +26,6 @@ SCENE = Path(__file__).parents[2] / "scenes" / "heated_disk.yaml"
 def asked(tmp_path: Path, **changes: Any) -> Any:
     scene = load(SCENE, {"bodies.disk.mesh.refine": 0.5, **changes})
     return scene, *prepared(scene, Cache(tmp_path), new_manager())
-
-
-def test_what_the_system_says_hangs_together() -> None:
-    assert 0 < memory.resident() <= memory.peak() * 1.1
-    assert memory.resident() < memory.ceiling()
-    assert memory.ceiling() <= memory.resident() + memory.machine_memory()
 
 
 def test_a_given_limit_is_the_ceiling(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -108,26 +98,6 @@ def test_phases_of_a_reduced_run(tmp_path: Path) -> None:
     free = load(SCENE, {"bodies.disk.mesh.refine": 0.5, "reducer.basis": "static"})
     model, offline = prepared(free, Cache(tmp_path), new_manager())
     assert set(estimate(free, model, offline, exact=False).phases) == {"start", "steps"}
-
-
-def test_points_of_local_terms_are_counted() -> None:
-    """At least what the projection on all rows holds."""
-    plate = {"use": "flexible", "fields": ["thermal"], "frame": "fixed", "thickness": 0.01,
-             "mesh": {"use": "rectangle", "size": [0.2, 0.1], "divisions": [6, 3]},
-             "material": {"rho": 1000, "k": {"temperatures": [300, 900], "values": [40, 20]},
-                          "c": {"polynomial": [500, 0.2], "range": [200, 2000]}}}
-    scene = scene_of({"bodies": {"plate": plate}, "time": {"end": 1.0, "step": 0.1}, "reducer": {
-        "use": "galerkin", "basis": {"use": "pod", "count": 5}}})
-    model = assemble(scene)
-    found = estimate(scene, model, Offline.from_snapshots(model, {}), exact=False)
-    (item,) = [i for i in found.phases["steps"] if "quadrature points" in i.what]
-    held = 0
-    for term in model.separated.heat[0].local:
-        n = len(term.columns)
-        trial, left = Trial(np.ones((n, 5)), np.zeros(n)), np.ones((5, len(term.rows)))
-        made: Any = term.compress(trial, left)
-        held += made.P.nbytes + sum(L.nbytes for L in made.tests)
-    assert held == item.size > 0
 
 
 @pytest.mark.full

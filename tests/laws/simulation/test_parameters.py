@@ -151,17 +151,6 @@ def test_a_model_is_accurate_at_unseen_parameters_of_its_box() -> None:
 
 
 @pytest.mark.full
-def test_projecting_again_gives_the_model_of_the_same_basis() -> None:
-    """Values at free keys need no projection, and it changes nothing: equal to round-off."""
-    free, again = (m.run(parameters={"flux": 6.0e5}) for m in (
-        model(), model().at({"flux": 6.0e5})))
-    for block in ("bar.rigid", "bar.elastic", "bar.thermal"):
-        a, b = free.block(block), again.block(block)
-        assert np.abs(a - b).max() <= 1e-9 * np.abs(b).max()
-    assert model().at({}, atoms=3).size == 3 + 3 + 3 + 2  # rigid, two fields, pin
-
-
-@pytest.mark.full
 def test_outside_the_box_a_run_warns(tmp_path: Path) -> None:
     kinds = model().run(parameters={"flux": 3.0e6}).summary["note_kinds"]
     assert "outside_parameters" in kinds
@@ -210,7 +199,7 @@ def unused(*of: object) -> NoReturn:
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("reducer", ["deim", "gnat", "ecsw", "lspg", "sparse"])
+@pytest.mark.parametrize("reducer", ["deim", "ecsw", "sparse"])
 def test_every_reducer_trains_over_a_box(reducer: str) -> None:
     scene = boxed(choice="corners").using({
         "reducer": {"use": reducer, "basis": {"use": "pod", "count": 8}}})

@@ -18,7 +18,6 @@ from sparsemor.core.scene.scene import Scene
 from sparsemor.core.scene.scene import load as load_scene
 from sparsemor.core.simulation.recorder import StepStatistics
 from sparsemor.core.status import Status
-from sparsemor.core.testing import check_reducer
 
 TINY = Path(__file__).parents[2] / "scenes" / "tiny.yaml"
 
@@ -170,14 +169,6 @@ def test_what_refers_to_itself_is_no_state() -> None:
     ring.append(ring)
     with pytest.raises(TypeError, match=r"memory\[0\]: refers to an object that it is part of"):
         Saved.from_value(ring)
-
-
-@pytest.mark.parametrize("reducer", [
-    pytest.param({"use": "full", "method": "newton"}, marks=pytest.mark.full),
-    {"use": "lspg", "basis": {"use": "pod", "count": 4}}])
-def test_the_kit_stores_a_memory_and_reads_it_again(reducer: dict[str, Any]) -> None:
-    scene = load_scene(TINY, {"reducer": reducer, "time.end": 0.01})
-    check_reducer(scene, steps=4)
 
 
 def test_sums_of_a_run_do_not_grow_with_it() -> None:

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from sparsemor import load, simulate
-from sparsemor.core import ReducedProblem
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.initial_state import consistent_state, solve_by_blocks
@@ -16,7 +15,6 @@ from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.validation import checked_model
 from sparsemor.core.status import SolveFailed, Status
-from sparsemor.plugins.linear_solvers.conjugate_gradients import ConjugateGradients
 
 pytestmark = pytest.mark.full
 
@@ -77,39 +75,6 @@ def test_a_solver_that_stops_short_fails_the_step_by_name(tmp_path: Path) -> Non
     with pytest.raises(SolveFailed) as failed:
         ran(spatial(linear_solvers={"*.elastic": {"use": "cg", "max_iterations": 2}}), tmp_path)
     assert failed.value.status is Status.NOT_CONVERGED and failed.value.block == "bar.elastic"
-
-
-def test_elastic_failure_within_a_step_is_not_taken_for_overflow() -> None:
-    from sparsemor.core.simulation.offline import Offline
-    from sparsemor.core.simulation.step_control import step_of
-
-    scene = spatial(linear_solvers={"*.elastic": {"use": "cg", "rtol": 1e-12}})
-    model = assemble(scene)
-    solver: Any = scene.reducer.prepare(ReducedProblem(
-        model, scene.integrator, 1e-3, Offline.from_snapshots(model, {}), np.random.default_rng(0)))
-    block = next(b for b in solver.mechanics.equations.bodies if b.factor is not None)
-    D = block.factor.A
-    short = ConjugateGradients(rtol=1e-12, max_iterations=1).factorize(D)
-    object.__setattr__(block, "factor", short)
-    state, memory = solver.start(consistent_state(model))
-    state = scene.integrator.start(solver.layout, state)
-    outcome, _, _ = step_of(solver, scene.integrator, 1e-3)(state, memory)
-    assert outcome.status is Status.NOT_CONVERGED and outcome.block == "bar.elastic"
-    assert "after 1 iterations" in outcome.detail
-
-
-def test_warm_starts_save_iterations(tmp_path: Path) -> None:
-    """Steps begin at their extrapolation: a smooth run takes fewer iterations later on."""
-    scene = disk(linear_solvers={"*.thermal": "cg"})
-    model = assemble(scene)
-    A = scene.linear_solvers["*.thermal"].factorize(_operator(model, 1e-3))
-    cold = A.outcome(np.random.default_rng(0).random(A.A.shape[0])).iterations
-    assert iterations(ran(scene, tmp_path))["disk.thermal"] < 0.8 * cold
-
-
-def _operator(model: Any, h: float) -> Any:
-    (heat,) = model.separated.heat
-    return (heat.capacity / h + heat.conductivity).tocsr()
 
 
 def test_training_and_bases_are_solved_by_the_same(tmp_path: Path) -> None:

@@ -10,12 +10,12 @@ import pytest
 from small_pendulum import small
 from sparsemor.core.errors import InputError
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.scene.scene import Scene, load
+from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.status import SolveFailed
 from sparsemor.plugins.comparison.compare import compare
 from sparsemor.plugins.stability.survey import SeedStability, Survey, VariantStability, survey
-from sparsemor.plugins.stability.variants import SurveyPlan, variants
+from sparsemor.plugins.stability.variants import SurveyPlan
 
 pytestmark = pytest.mark.usefixtures("one_cache")
 
@@ -93,24 +93,3 @@ def test_no_alarm_where_the_run_is_good(tmp_path: Path) -> None:
     assert summary["status"] == "done" and set(summary["note_kinds"]) <= {"stiff_in_bending"}
     assert summary["stability"]["stable"] is True
     assert 1.0 < summary["stability"]["radius"] < 1.001
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("integrator, rows, seeds, stable", [
-    ("bdf1", (36, 24), 8, 2),
-    ({"use": "generalized_alpha", "rho_inf": 1.0}, (60, 40), 4, 0)])
-def test_each_prediction_on_the_packaged_scene_is_what_the_run_does(
-    integrator: Any, rows: tuple[int, int], seeds: int, stable: int
-) -> None:
-    """4000 steps with drawn rows: stable ones repeat full order, the others stop or err."""
-    scene = load("double_pendulum", {"integrator": integrator, "reducer.residual": "plain"})
-    (variant,) = variants(scene, SurveyPlan(rows=[rows], required=[False]))
-    full = simulate(scene.using({"reducer": "full"}))
-    (entry,) = survey(scene, SurveyPlan(rows=[rows], required=[False], seeds=seeds)).entries
-    assert entry.stable == stable
-    for f in entry.findings:
-        run = ran(variant.scene.using({"seed": f.seed}))
-        good = run is not None and run.status.ok and all(
-            v < 1e-5 for k, v in compare(full, r=run).errors["r"].items() if "." not in k)
-        if not f.missed:
-            assert good == f.judgement.stable, f.as_dict()

@@ -115,11 +115,6 @@ def test_a_pickled_stepper_and_a_restored_state_go_on_with_equal_digits() -> Non
     assert np.array_equal(stepper.values(), want)
 
 
-def test_a_pickled_model_runs_alike() -> None:
-    again = pickle.loads(pickle.dumps(model()))
-    assert np.array_equal(again.run().probe("end"), model().run().probe("end"))
-
-
 @pytest.mark.full
 def test_compiled_steps_read_inputs(monkeypatch: pytest.MonkeyPatch) -> None:
     """The kernel as plain Python: functions of time are not tabulated ahead of an input."""

@@ -45,7 +45,7 @@ def pushing(f: SpatialFrame) -> list[int]:
 @pytest.mark.parametrize("size", [4, 7])
 @pytest.mark.parametrize("times", [TIMES, BETWEEN])
 def test_a_frame_drives_at_all_times_as_at_each(size, times) -> None:
-    for seed in range(5):
+    for seed in range(2):
         rng = np.random.default_rng(seed)
         f = frame(size, rng)
         y, v, a = rng.standard_normal((3, len(times), f.border))

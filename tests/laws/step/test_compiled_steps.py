@@ -31,6 +31,7 @@ from sparsemor.reducers.step.compiled.compiled_steps import CompiledSteps
 from sparsemor.reducers.step.compiled.fill_arrays import plan
 from sparsemor.reducers.step.compiled.time_functions import NotCompiled
 from sparsemor.reducers.step.step_memory import Memory
+from tiers import full
 from turning_bars import bar, turning
 
 GALERKIN = {"use": "galerkin", "basis": {"use": "pod", "count": 4}}
@@ -115,8 +116,7 @@ def heated() -> Case:
     return trained(tiny(), GALERKIN)
 
 
-CHAINS = [pytest.param(0, False, marks=pytest.mark.full), (3, False),
-          pytest.param(4, None, marks=pytest.mark.full), (5, True)]
+CHAINS = [full(3, False), full(4, None), (5, True)]
 
 
 @pytest.mark.parametrize(("seed", "rigid"), CHAINS)
@@ -159,8 +159,7 @@ def test_a_flexible_bar_that_slides_on_another_body(ground: bool) -> None:
 
 
 @pytest.mark.parametrize(("with_laws", "kernel"), [
-    (False, True), pytest.param(True, True, marks=pytest.mark.full),
-    pytest.param(True, False, marks=pytest.mark.full)])
+    full(False, True), full(True, True), full(True, False)])
 def test_the_partition_into_blocks_changes_no_bit(with_laws: bool, kernel: bool) -> None:
     case = hot("ecsw", False) if with_laws else heated()
     solver = case.solver()
@@ -289,16 +288,6 @@ def test_frames_at_rest() -> None:
         "time.end": 0.05}), GALERKIN), 30)
 
 
-@pytest.mark.full
-@pytest.mark.parametrize("integrator", ["bdf1", "bdf2"])
-def test_a_joint_with_a_motion_of_its_own(integrator: str) -> None:
-    hinged = tiny().using({
-        "joints": {"drive": {"use": "prescribed_motion", "of": "bar:left", "x": 0.0, "y": 0.0,
-                             "angle": {"use": "sine", "amplitude": 0.5, "frequency": 8}}},
-        "bodies.bar.reference": {"clamp": "left"}, "time.end": 0.05, "integrator": integrator})
-    law(trained(hinged, GALERKIN), 30, blocks=3)
-
-
 MODAL = {"use": "modal", "count": 5}
 ORTHONORMAL = {"use": "dictionary", "orthonormal": True, "bases": [MODAL]}
 
@@ -337,10 +326,9 @@ def test_rigid_bodies_in_space_on_springs_and_hinges() -> None:
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("integrator", ["bdf1", "bdf2"])
-def test_flexible_and_spinning_bodies_in_space(integrator: str) -> None:
+def test_flexible_and_spinning_bodies_in_space() -> None:
     s = load(SCENES / "everything_in_space.yaml", {
-        "time": {"end": 2.4e-3, "step": 2e-4}, "training.end": 2.4e-3, "integrator": integrator,
+        "time": {"end": 2.4e-3, "step": 2e-4}, "training.end": 2.4e-3, "integrator": "bdf2",
         "bodies.handle": {**PIECE, "pose": {"position": [0.0, 1.0, 0.0]}},
         "joints.turned": {"use": "prescribed_motion", "of": "handle:b", "x": 0.2,
                           "axis": [0, 1, 1], "angle": {
@@ -348,12 +336,6 @@ def test_flexible_and_spinning_bodies_in_space(integrator: str) -> None:
         "joints.rope": {"use": "spring_damper", "between": ["bar:right", "wheel:middle"],
                         "stiffness": 300.0, "damping": 1.0}})
     law(trained(s, GALERKIN), 9, blocks=2)
-
-
-def test_heat_alone() -> None:
-    law(trained(tiny().using({
-        "joints": {}, "bodies.bar.fields": ["thermal"], "bodies.bar.frame": "fixed",
-        "loads.gravity": None, "time.end": 0.05}), GALERKIN), 30)
 
 
 def test_auto_is_for_long_runs(monkeypatch: pytest.MonkeyPatch) -> None:

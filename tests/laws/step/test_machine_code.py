@@ -52,13 +52,6 @@ def test_a_run_as_machine_code_has_the_results_of_one_without() -> None:
     assert plain.iterations.sum() <= code.iterations.sum() < 1.3 * plain.iterations.sum()
 
 
-def test_the_code_is_compiled_once(caplog: pytest.LogCaptureFixture) -> None:
-    simulate(heated("on"))
-    caplog.clear()
-    simulate(heated("on"))
-    assert not [r for r in caplog.records if "compiling" in r.message]
-
-
 def test_auto_takes_code_that_was_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     """It does not compile a short run, but takes the machine code of an earlier one."""
     monkeypatch.setattr("sparsemor.reducers.step.compiled.compiled_stepper.KEPT", 10)
@@ -95,23 +88,6 @@ def test_the_steps_of_a_file_are_compiled_and_check_every_index(
         monkeypatch.setattr(CompiledStepper, "many", outside)
         with pytest.raises(InputError, match="no reduced model .* IndexError"):
             load_model(file).run()
-
-
-def test_runs_of_a_kept_model_are_compiled_when_that_pays(
-    monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """After as many steps in all as compilation takes."""
-    seen = list[int]()
-
-    def counted(option: str, steps: int, kept: Any) -> bool:
-        seen.append(steps)
-        return False
-
-    monkeypatch.setattr("sparsemor.reducers.step.compiled.compiled_stepper.wanted", counted)
-    model = reduce(heated("auto"))
-    for _ in range(3):
-        model.run({"time.end": 0.1})
-    assert seen == [100, 200, 300]
 
 
 def test_steps_are_compiled_for_the_runs_of_a_model_to_come(

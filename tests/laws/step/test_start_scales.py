@@ -1,6 +1,5 @@
 """The start of a run has no scale of its own: units, places and frequencies do not change it."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,6 @@ from sparsemor.core.model.model import Model
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.offline import Offline
 from sparsemor.core.testing.in_memory_run import scene_of
-from tiers import quick
 
 H = 1e-3
 SPIN, HINGE = np.array([0.0, 7.0, 0.0]), np.array([0.0, 0.05, 0.04])
@@ -121,7 +119,7 @@ def driven(frequency: float, phase: float, which: str) -> Model:
 
 
 @pytest.mark.parametrize("which", ["plane", "x", "angle"])
-@pytest.mark.parametrize("frequency", [1e-3, 1.0, 100.0, 1e4, 1e6])
+@pytest.mark.parametrize("frequency", [1e-3, 100.0, 1e6])
 def test_the_force_of_a_driven_body_is_exact_and_no_start_is_noted(
     which: str, frequency: float
 ) -> None:
@@ -135,7 +133,7 @@ def test_the_force_of_a_driven_body_is_exact_and_no_start_is_noted(
 
 
 @pytest.mark.parametrize("which", ["plane", "x", "angle"])
-@pytest.mark.parametrize("frequency", [1e-3, 1.0, 1e4])
+@pytest.mark.parametrize("frequency", [1e-3, 1e4])
 def test_a_motion_that_begins_with_a_velocity_is_noted(which: str, frequency: float) -> None:
     (note,) = start_notes(driven(frequency, 0.0, which))
     rate = 1e-3 * 2 * np.pi * frequency
@@ -172,34 +170,3 @@ def test_terms_that_do_not_know_their_time_derivatives_are_differenced() -> None
     np.testing.assert_allclose(other.curvature(*at), want, rtol=0, atol=1e-6 * np.abs(want).max())
     for got, exact in zip(other.rate(*at), known.rate(*at), strict=True):
         np.testing.assert_allclose(got, exact, rtol=0, atol=1e-6)
-
-
-class Nothing(ReducedTerm, Term):
-    """A term without rows, which no body takes apart: with it the reduced equations are general."""
-
-    rows = columns = np.zeros(0, np.int64)
-
-    def residual(self, *point: Any) -> FloatArray:
-        return np.zeros(0)
-
-    def jacobian(self, *point: Any) -> FloatArray:
-        return np.zeros((0, 0))
-
-    def restrict(self, keep: IntArray) -> "Nothing":
-        return self
-
-    def compress(self, trial: Any, left: Any) -> Any:
-        return self
-
-
-@pytest.mark.full
-@pytest.mark.parametrize("unit", quick([1e-5, 1.0, 1e5], 1e5))
-def test_the_general_and_the_separated_start_are_the_same(unit: float) -> None:
-    scene = scene_of(chain(unit, reducer=ATOMS))
-    apart = assemble(scene)
-    whole = replace(apart, separated=replace(apart.separated, other=(Nothing(),)))
-    want, got = (begun(scene, model) for model in (apart, whole))
-    np.testing.assert_allclose(got.a, want.a, rtol=0, atol=1e-8 * np.abs(want.a).max())
-    force = forces(want, apart)
-    np.testing.assert_allclose(
-        forces(got, whole), force, rtol=0, atol=1e-8 * np.abs(force).max())
