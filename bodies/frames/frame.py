@@ -228,10 +228,10 @@ class PlanarFrame(ItemFrame[PlanarItem]):
         yl, vl, al = y.tolist(), v.tolist(), a.tolist()
         e = exp(1j * yl[2])
         s0, s1, s2 = s.view("c16").tolist() if self.elastic else ((), (), ())
+        # in the order of the fields: keywords would take a tenth of the whole evaluation
         m = PlaneMotion(
-            y=yl, v=vl, r=complex(yl[0], yl[1]), e=e, ec=e.conjugate(), w=vl[2], al=al[2],
-            acc=complex(al[0], al[1]), c1=c1, c2=c2, t=t, elastic=self.elastic, s=s0, s1=s1, s2=s2,
-            forms=forms.tolist(), fresh=work.fresh)
+            yl, vl, complex(yl[0], yl[1]), e, e.conjugate(), vl[2], al[2], complex(al[0], al[1]),
+            c1, c2, t, self.elastic, s0, s1, s2, forms.tolist(), work.fresh)
         total = [0j] * SUMS
         for function, numbers, amplitude, j, o, k in self.evaluated:
             g = 1.0 if amplitude is None else amplitude(t)

@@ -129,15 +129,19 @@ class StepFormula:
         rate[second] = r1[second] + self.c1 * free[second]
         return replace(self, free=free, free_rate=rate)
 
-    def at(self, d: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Unknowns x and rates v, a, (n,) each, for the departure d (n,) from the free motion."""
+    def at(
+        self, d: FloatArray, differences: bool = True
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Unknowns x and rates v, a, (n,) each, for the departure d (n,) from the free motion;
+        without the second `differences` a of first-order unknowns, which only some terms read,
+        these are zero."""
         second, first = self.layout.second, self.layout.first
         v, a = self.free_rate.copy(), np.zeros(len(d))
         v[second] += self.c1 * d[second]
         np.multiply(d[second], self.c2, out=a[second])
         np.multiply(d[first], self.c1_first, out=v[first])
         x = self.free + d
-        if self.before is not None and first.stop > first.start:
+        if differences and self.before is not None and first.stop > first.start:
             a[first] = second_difference(self.before[first], x[first], v[first], self.h)
         return x, v, a
 

@@ -34,17 +34,16 @@ from sparsemor.core import (
 )
 from sparsemor.core.model.factorizations import solve_or_fail, unconverged_note
 from sparsemor.core.protocols.body_frame import FrameWork
-from sparsemor.core.protocols.separable import ElasticLocal, ElasticOperators
+from sparsemor.core.protocols.separable import (
+    ElasticLocal,
+    ElasticOperators,
+    evaluate_amplitudes,
+)
 from sparsemor.reducers.linalg.coarse_correction import CoarseCorrection
+from sparsemor.reducers.step.border_matrix import BorderMatrix
 from sparsemor.reducers.step.convergence_test import LEAST, rounding
 from sparsemor.reducers.step.frame_step import BodyStep, buffers
-from sparsemor.reducers.step.jacobian_factors import (
-    Factor,
-    IdentityFactor,
-    Matrix,
-    factorized,
-    summed,
-)
+from sparsemor.reducers.step.jacobian_factors import Factor, IdentityFactor
 from sparsemor.reducers.step.newton_loop import Linearisation, StepEquations
 from sparsemor.reducers.step.time_tables import TimeTable, plus_loads
 
@@ -61,7 +60,8 @@ _NONE = np.zeros(0)
 @dataclass(frozen=True, slots=True, eq=False)
 class FullBody:
     """A body at full order. ops, factor: its operators and the factorized D, None for a rigid body;
-    G (g n, n): its matrices M_g, one below the other; E (n, p) = D^-1 P; noise (3, n): errors due
+    G (g n, n): its matrices M_g, one below the other; E (n, p) = D^-1 P, compliance (p, p) = P^T E;
+    noise (3, n): errors due
     to rounding K u, C u' and M u'' where these unknowns are 1. Of a body whose frame has no
     unknowns, `frame_factors`: kappa, mu and sigma as functions of time, and a coarse space for its
     rotation."""
@@ -71,6 +71,7 @@ class FullBody:
     factor: Factorized | None = None
     G: Csr | None = None
     E: FloatArray | None = None
+    compliance: FloatArray | None = None
     noise: FloatArray | None = None
     frame_factors: TimeTable | None = None
     coarse: CoarseCorrection | None = None
@@ -92,7 +93,7 @@ class FullBody:
             return cls(step, ops, factor, G, E=None, noise=noise, frame_factors=frame_factors,
                        coarse=CoarseCorrection.from_operators(ops, factor, name))
         E = solve_or_fail(factor, P, name) if P.size else P
-        return cls(step, ops, factor, G, E, noise)
+        return cls(step, ops, factor, G, E, P.T @ E, noise)
 
     def inertia_products(self, u: FloatArray) -> FloatArray:
         """Products M_g u of displacements u (n,) or columns of them (n, m), (g, n) or (m, g, n)."""
@@ -156,10 +157,11 @@ class LocalForces:
 
 
 class Bordered(NamedTuple):
-    """Jacobian of the mechanics at full order: Schur complement of the border, and for each elastic
-    body its number, the numbers of its border unknowns, tau and sigma_y on these (m, p)."""
+    """Jacobian of the mechanics at full order: entries of the Schur complement of the border
+    (`BorderMatrix`), and for each elastic body its number, the numbers of its border unknowns, tau
+    and sigma_y on these (m, p)."""
 
-    schur: Matrix
+    schur: FloatArray
     bodies: list[tuple[int, IntArray, FloatArray, FloatArray]]
 
 
@@ -170,7 +172,8 @@ class BorderedFactor:
 
     def __init__(self, equations: "FullMechanics", J: Bordered) -> None:
         self.border, self.J, self.of = equations.border, J, equations.bodies
-        self.factor = factorized(J.schur)
+        assert equations.corner is not None
+        self.factor = equations.corner.factorized(J.schur)
 
     def solve(self, r: FloatArray) -> FloatArray:
         """Solution for a right-hand side r (n,): Schur complement times y = r_y - tau P^T r_u, then
@@ -210,13 +213,17 @@ class FullMechanics(StepEquations):
     ) -> None:
         """targets: (position in `border`, prescribed value) of constraints; border (N,): positions
         of rigid coordinates, then joint forces, in the layout."""
-        self.layout, self.targets, self.border = layout, targets, border
+        self.layout, self.border = layout, border
+        self.target_rows = border[[i for i, _ in targets]]
+        self.target_values = [f for _, f in targets]
         self.bodies = [b for b in bodies if b.ops is not None or b.step.to_border.any()]
         # price: cost of a new Jacobian in iterations with the old one; in space 1, a new one each
         # step, but not with iterative linear solvers, which contract only to their tolerance
         moving = IN_SPACE if layout.quaternions and not self.iterates else PRICE
         self.price = moving if len(border) else UNCHANGED
         self.exact = self.iterates  # no whole Jacobian is factorized then, for which to give up
+        moved = [b.step.to_border for b in self.bodies if b.frame_factors is None]
+        self.corner = BorderMatrix(moved) if len(border) else None
         self.maps = []  # of each body: border unknowns that it uses, by their numbers in the border
         for b in self.bodies:  # and in the layout, and the map to its own border from these
             used = np.flatnonzero(b.step.to_border.any(axis=0))
@@ -290,17 +297,16 @@ class FullMechanics(StepEquations):
         their constant operators: r = d + D^-1 (...). displaced: terms of each body that stay during
         the step (`_constant_part`); maps: of each body the numbers `at` of the border unknowns that
         it uses, and their map to its border. X0, R (3, n): x, v, a = X0 + R d; frames_at: x at
-        which frames were last evaluated with derivatives, which `jacobian` then need not do
+        which frames were last evaluated, with derivatives, which `jacobian` then need not do
         again."""
         r, X = d.copy(), self.X0 + self.R * d
         r[self.layout.first] = 0.0  # temperatures are known
         r[self.border] = 0.0
-        for i, f in self.targets:
-            r[self.border[i]] -= f(self.step.t)
+        if self.target_values:
+            r[self.target_rows] -= evaluate_amplitudes(self.target_values, self.step.t)
         # w.border: derivatives, and the rows in the last column; w.sigma: the factors of the
-        # directions P in the last row
-        rates = (self.step.c1, self.step.c2) if slope else None
-        self.frames_at = X[0] if slope else _NONE
+        # directions P in the last row; derivatives cost little next to a solution with D
+        rates, self.frames_at = (self.step.c1, self.step.c2), X[0]
         for b, w, one, (_, at, to_border) in zip(
                 self.bodies, self.work, self.displaced, self.maps, strict=True):
             own = d[b.step.elastic]
@@ -390,11 +396,11 @@ class FullMechanics(StepEquations):
         """Jacobian at a state, without kappa, mu and local terms in the rows of displacements; of
         each body its border corner H - tau P^T E sigma_y^T, with E = D^-1 P. None for the
         identity."""
-        n = len(self.border)
-        if not n:
+        if self.corner is None:
             return None
         X, parts, corners = np.stack([at.x, at.v, at.a]), [], []
-        known = np.array_equal(at.x, self.frames_at)  # evaluated with the residual
+        # evaluated with the residual
+        known = len(self.frames_at) == len(at.x) and bool((at.x == self.frames_at).all())
         for i, (b, w, (used, columns, to_border)) in enumerate(zip(
                 self.bodies, self.work, self.maps, strict=True)):
             if b.frame_factors is not None:
@@ -404,14 +410,11 @@ class FullMechanics(StepEquations):
                                to_border=to_border, rates=at.c[:2])
             # last column of w.border: the rows; last row of w.sigma: factors, not derivatives
             H = w.border[:, :-1]
-            if b.ops is not None and b.E is not None:
-                tau, sigma = to_border.T @ w.tau, to_border.T @ w.sigma[:-1]
-                parts.append((i, used, tau, sigma))
-                corner = to_border.T @ H @ to_border - tau @ (b.ops.directions.T @ b.E) @ sigma.T
-            else:
-                corner = to_border.T @ H @ to_border
-            corners.append((used, corner))
-        return Bordered(summed(n, corners), parts)
+            if b.compliance is not None:
+                parts.append((i, used, to_border.T @ w.tau, to_border.T @ w.sigma[:-1]))
+                H = H - w.tau @ b.compliance @ w.sigma[:-1].T
+            corners.append(H.ravel())
+        return Bordered(self.corner.assembled(np.concatenate(corners)), parts)
 
     def contraction(self, point: Linearisation) -> float:
         return inf if self.needs_iteration else 0.0
@@ -419,14 +422,20 @@ class FullMechanics(StepEquations):
     def factorize(self, J: Bordered | None) -> Factor:
         return IdentityFactor() if J is None else BorderedFactor(self, J)
 
+    def magnitudes(self, J: Bordered | None, x: FloatArray) -> FloatArray:
+        """Magnitudes (n,) of the terms: |x|, and of the border in its Schur complement."""
+        sizes = np.abs(x)
+        if J is not None and self.corner is not None:
+            sizes[self.border] = self.corner.magnitudes(J.schur, sizes[self.border])
+        return sizes
+
     def rounding(self, J: Bordered | None, at: Linearisation) -> FloatArray:
         """Round-off of each unknown: of the border by the magnitudes in its Schur complement, of
         displacements by the noise (3, n) of their solver at unit u, u' and u'', times the largest
         of these."""
-        sizes, found = np.abs(at.x), np.zeros(len(at.x))
+        found = np.zeros(len(at.x))
         if J is not None:
-            sizes[self.border] = abs(J.schur) @ sizes[self.border]
-            fixed = self.layout.algebraic
+            sizes, fixed = self.magnitudes(J, at.x), self.layout.algebraic
             sizes[fixed] = np.maximum(sizes[fixed], 1.0)
             found[self.border] = (rounding(len(sizes)) * sizes)[self.border]
         for b in self.bodies:

@@ -93,13 +93,13 @@ class JointSelection(AtomSelection):
         blocks in the problem, the border last, after problem.k coefficients."""
         base, iterations = self.steps.base, 0
         now = StepUnknowns(step, memory.past.guess(step))
-        x = now.x
+        x = step.free + now.d
         found: dict[str, BoolArray] = {}
         for name, at in base.heat_groups:
             if name not in self.steps.heat:  # all its atoms are active: no selection
-                # increments of all temperatures (None) from the predicted ones
-                now.add_temperatures(at, None, base.heat[name].solve(
-                    x[at], now.v[at], now.a[at], step.t, step.c2_first).d)
+                # increments of all temperatures from the predicted ones
+                x[at] += base.heat[name].solve(
+                    *now.temperatures(at), step.t, step.c2_first).d
                 continue
             support = self._first(name, memory)  # of the last step, or empty without warm start
             out = self._sparse_solution(

@@ -212,17 +212,20 @@ class BlockwiseSolver(StepSolver[Memory]):
         block = self.heat[name] if equations is None else None
         if block is not None and isinstance(at, slice):  # coupled blocks keep all atoms active
             now.drop_inactive_temperatures(at, block.active)
-        if (block or self.full_heat[name]).elements:  # it has local terms, such as radiation
+        local = bool((block or self.full_heat[name]).elements)  # such as radiation
+        T, rate, bend = now.temperatures(at, local)
+        if local:
             last = memory.newest[at]
-            far = float(np.abs(now.x[at] - last).max()) > 0.1 * float(np.abs(last).max())
+            far = float(np.abs(T - last).max()) > 0.1 * float(np.abs(last).max())
             # below 0 K radiation has a second solution: start from the last temperatures instead
             if far:
-                now.add_temperatures(at, None, last - now.x[at])
+                now.add_temperatures(at, None, last - T)
+                T, rate, bend = now.temperatures(at)
         if block is None:
             return self._solve_heat_by_loop(name, at, now, memory)
         # linear: iterations of a linear solver; remaining: estimated error left by the iteration
         d, status, n, linear, detail, remaining, jacobian = block.solve(
-            now.x[at], now.v[at], now.a[at], now.step.t, now.step.c2_first, memory.jacobian(name))
+            T, rate, bend, now.step.t, now.step.c2_first, memory.jacobian(name))
         now.remaining = max(now.remaining, remaining)
         if linear:
             memory.add_linear_iterations(name, linear)

@@ -75,7 +75,7 @@ class Inverse:
             return
         scaled, rows, columns = _scaled(J)
         lu, pivots, info = lapack.dgetrf(scaled, overwrite_a=1)
-        _check(info == 0, np.abs(np.diag(lu)))
+        check_pivots(info == 0, np.abs(np.diag(lu)))
         inverse = lapack.dgetri(lu, pivots, overwrite_lu=1)[0]
         self.inverse = np.ascontiguousarray(columns[:, None] * inverse * rows)
 
@@ -94,7 +94,7 @@ class Lu:
         scaled, self.rows, self.columns = _scaled(J)
         self.lu, self.pivots, info = lapack.dgetrf(scaled, overwrite_a=1)
         diagonal = np.abs(np.diag(self.lu))
-        _check(info == 0, diagonal)
+        check_pivots(info == 0, diagonal)
 
     def solve(self, r: FloatArray) -> FloatArray:
         """Solution for a right-hand side r (n,) or (n, k)."""
@@ -121,9 +121,9 @@ class SparseLu:
         np.maximum.at(largest, columns, entries * self.rows[rows])
         self.columns = 1.0 / largest
         scaled = J.data * self.rows[rows] * self.columns[columns]
-        _check(bool(np.isfinite(scaled).all()), np.ones(1))
+        check_pivots(bool(np.isfinite(scaled).all()), np.ones(1))
         self.lu = splu(csc_array((scaled, J.indices, J.indptr), shape=J.shape))
-        _check(True, np.abs(self.lu.U.diagonal()))
+        check_pivots(True, np.abs(self.lu.U.diagonal()))
 
     def solve(self, r: FloatArray) -> FloatArray:
         """Solution for a right-hand side r (n,) or (n, k)."""
@@ -153,7 +153,7 @@ def _scaled(J: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     return J * rows[:, None] * columns, rows, columns
 
 
-def _check(regular: bool, diagonal: FloatArray) -> None:
+def check_pivots(regular: bool, diagonal: FloatArray) -> None:
     """Raises RuntimeError for a factor whose pivots show that the matrix is singular."""
     if not regular or not diagonal.min(initial=1.0) > 1e-15 * diagonal.max(initial=0.0):
         raise RuntimeError("singular")

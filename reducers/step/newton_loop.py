@@ -159,7 +159,8 @@ class KeptJacobian:
 
     point: state at which the kept Jacobian was evaluated; J, factor, noise: it, its factorization,
     and the changes (blocks,) that are due to rounding, which are computed there again after a
-    restart, so that a resumed run repeats every digit. least: smallest number of iterations of a
+    restart, so that a resumed run repeats every digit; floor: largest relative change that may be
+    negligible against these. least: smallest number of iterations of a
     step with it; debt: iterations beyond that. top, rate (blocks,): largest value of each block so
     far, and of its highest rates. factorizations: number of Jacobians.
     """
@@ -172,6 +173,7 @@ class KeptJacobian:
     factorizations: int = 0
     J: Any = None
     factor: Factor | None = None
+    floor: float = inf
     noise: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @classmethod
@@ -186,7 +188,7 @@ class KeptJacobian:
         point = state["point"]
         vars(self).update(
             state, point=Linearisation(*point) if isinstance(point, tuple) else None,
-            J=None, factor=None, noise=np.zeros(0))
+            J=None, factor=None, noise=np.zeros(0), floor=inf)
 
     def copy(self) -> "KeptJacobian":
         """Independent copy; the factorization is immutable and shared."""
@@ -230,7 +232,8 @@ class _Iterate:
 class Loop:
     """The iteration for models with one layout. Immutable: a step changes `KeptJacobian` only.
 
-    Of the blocks: names, starts (first unknown) and counts (number of unknowns); masks judged (not
+    Of the blocks: names, starts (first unknown) and counts (number of unknowns); largest_norm:
+    Euclidean norm that a block with entries of 1 may have; masks judged (not
     multipliers), second (second order) and mixed (rigid coordinates: lengths and rotations).
     attitudes (q, 4): numbers of the unknowns of each quaternion.
     """
@@ -240,6 +243,7 @@ class Loop:
         self.names = [b.name for b in blocks]
         self.starts: IntArray = np.array([layout[n].start for n in self.names], dtype=np.int64)
         self.counts = np.diff(np.append(self.starts, layout.size))
+        self.largest_norm = float(np.sqrt(self.counts.max(initial=0)))
         self.judged: BoolArray = np.array([b.kind.order > 0 for b in blocks], dtype=np.bool_)
         self.second: BoolArray = np.array([b.kind.order == 2 for b in blocks], dtype=np.bool_)
         self.mixed: BoolArray = np.array(
@@ -278,13 +282,18 @@ class Loop:
         return ended
 
     def factorize(self, eq: StepEquations, kept: KeptJacobian) -> None:
-        """The Jacobian at the kept point, its factorization, and the changes that are due to
-        rounding there."""
+        """The Jacobian at the kept point and its factorization."""
         assert kept.point is not None
         kept.J = eq.jacobian(kept.point)
-        kept.factor = eq.factorize(kept.J)
-        if eq.price:
+        kept.factor, kept.noise, kept.floor = eq.factorize(kept.J), np.zeros(0), inf
+
+    def kept_noise(self, eq: StepEquations, kept: KeptJacobian) -> FloatArray:
+        """Changes (blocks,) that are due to rounding, at the kept point; computed when they are
+        first needed."""
+        if not len(kept.noise):
+            assert kept.point is not None
             kept.noise = self.noise(eq, kept, kept.point)
+        return kept.noise
 
     def noise(self, eq: StepEquations, kept: KeptJacobian, at: Linearisation) -> FloatArray:
         """Effect (blocks,) of rounding the terms of the equations."""
@@ -351,6 +360,8 @@ class _StepIteration:
         if point is not None and len(quaternions := self.loop.attitudes):
             self.L = turns((self.step.free + at.d)[quaternions], point.x[quaternions])
         self._counted_change(at)
+        if at.change <= self.kept.floor and not at.fresh:
+            self._drop_rounding(at)
         while True:
             if at.change == inf:
                 return self.failed(at.d, Status.NOT_FINITE, at=at)
@@ -366,9 +377,14 @@ class _StepIteration:
             # the textbook method (price 0), a check, trusts no ratio: it goes on until nothing
             # changes
             if not textbook and new.share == 1.0:  # a shortened change says nothing of the next
-                error = max(map(estimated_error, new.relative, at.relative, repeat(self.eq.least)))
+                error = max(errors := self._estimated_errors(new, at))
+                if error > tol.remaining:
+                    error = min(error, self._proved_error(new))
+                if error > tol.remaining:
+                    error = float(np.where(errors <= self._negligible(), 0.0, errors).max())
                 if error <= tol.remaining:
                     return self._done(new.d - new.dx, error)
+            self._drop_rounding(new, at)
             # changes with an old Jacobian that decrease by less than a half may be a slow mode
             stalled = new.change >= (STALLED if new.fresh or textbook else SLOW) * at.change
             # an old Jacobian must have stalled at round-off twice
@@ -404,20 +420,28 @@ class _StepIteration:
             return self._line_search(at) or new
         return self._line_search(at)
 
+    def _estimated_errors(self, new: _Iterate, at: _Iterate) -> list[float]:
+        """Estimated errors (blocks,) after the changes of `at`, then `new`, relative to `size`."""
+        return list(map(estimated_error, new.relative, at.relative, repeat(self.eq.least)))
+
+    def _negligible(self) -> FloatArray:
+        """Changes (blocks,), relative to the size of each block, that are much less than
+        round-off; the largest of them is kept, because sizes never decrease."""
+        found: FloatArray = NEGLIGIBLE * self.loop.kept_noise(self.eq, self.kept) / self.size
+        self.kept.floor = float(found.max())
+        return found
+
     def _proved_error(self, at: _Iterate) -> float:
         """Bound |change| q / (1 - q) of the error after a change, relative to the size of each
         block (`size`; fixed-point theorem of Banach); inf where no contraction q (`bound`) is
-        proved or q >= TRUSTED. dx (n,): the change itself."""
+        proved or q >= TRUSTED. |change|: Euclidean norm, bounded by the largest entry."""
         if self.kept.point is not self.point and self.kept.point is not None:  # a new Jacobian
             self.point, self.bound = self.kept.point, self.eq.contraction(self.kept.point)
         q = self.bound
         if not 0.0 < q < TRUSTED:
             return 0.0 if q == 0.0 else inf
-        # at.change has the largest entries of blocks; their Euclidean norms are larger still
-        if q / (1.0 - q) * at.change > self.loop.tol.remaining:
-            return inf
-        norms = np.sqrt(np.add.reduceat(at.dx * at.dx, self.loop.starts))
-        return q / (1.0 - q) * float((norms / self.size).max())
+        # at.change has the largest entries of blocks; their Euclidean norms may be as large as
+        return q / (1.0 - q) * at.change * self.loop.largest_norm
 
     def _counted_change(self, at: _Iterate) -> None:
         """Newton change of an iterate, with the kept Jacobian where it has this step's factors."""
@@ -447,7 +471,7 @@ class _StepIteration:
             x = self.step.free + at.d
             far = np.maximum(self.loop.largest(x), self.loop.largest(x - at.dx))
             self.size = self._reference_sizes(np.maximum(kept.top, far), kept.rate)
-        at.relative = self._relative_changes(at.absolute)
+        at.relative = (at.absolute / self.size).tolist()
         at.change = max(at.relative)
         # of a block that was zero so far: relative to what this change makes of it
         if 1.0 < at.change < inf and not self.kept.top.all():
@@ -455,20 +479,21 @@ class _StepIteration:
             first = self._reference_sizes(self.loop.largest(self.step.free + d),
                                           self.step.c2 * self.loop.largest(d))
             self.size = np.where(self.kept.top > 0.0, self.size, np.maximum(self.size, first))
-            at.relative = self._relative_changes(at.absolute)
+            at.relative = (at.absolute / self.size).tolist()
             at.change = max(at.relative)
         if not at.change < inf:  # nan, too
             at.change = inf
 
-    def _relative_changes(self, absolute: FloatArray) -> list[float]:
-        """Changes (blocks,) relative to the size of each block; zero where they are much less than
-        round-off."""
-        moved = absolute / self.size
-        if self.eq.price:
-            # a change that is not a number counts
-            moved *= ~(absolute <= NEGLIGIBLE * self.kept.noise)
-        found: list[float] = moved.tolist()
-        return found
+    def _drop_rounding(self, *iterates: _Iterate) -> None:
+        """Sets the changes of blocks to zero where they are much less than round-off; not with the
+        textbook method, which knows none."""
+        if not self.eq.price:
+            return
+        negligible = self._negligible()
+        for at in iterates:
+            if at.change < inf:  # a change that is not a number counts
+                at.relative = np.where(at.relative <= negligible, 0.0, at.relative).tolist()
+                at.change = max(at.relative)
 
     def _reference_sizes(self, top: FloatArray, rate: FloatArray) -> FloatArray:
         """Magnitudes (blocks,) to which changes are relative: the largest value so far, less where
@@ -490,8 +515,9 @@ class _StepIteration:
     def _at_round_off(self, at: _Iterate) -> bool:
         """True if the change is not above the effect of rounding, in each block that has not
         converged."""
-        noise = self.kept.noise
-        if not self.eq.price:
+        if self.eq.price:
+            noise = self.loop.kept_noise(self.eq, self.kept)
+        else:
             noise = self.loop.noise(self.eq, self.kept, Linearisation(
                 *self.step.at(at.d), self.step.t, self.c))
         small = at.absolute <= MARGIN * noise

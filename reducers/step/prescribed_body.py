@@ -52,8 +52,9 @@ class PrescribedBody:
     kappa, mu and sigma as functions of time; table: `RowsInTime`, if it is known. at: numbers of
     its displacements; generators (g, l, k), and G (g, k, l) the same transposed.
 
-    leading: number of unknowns in which the Jacobian differs from the identity. Of a step: weights
-    (g,) = kappa + c1 mu, the range `turning` of the g in which it has any, and its first guess. Of
+    leading: number of unknowns in which the Jacobian differs from the identity; acting: range of
+    the matrices whose factors are not zero at all times. Of a step: weights (g,) = kappa + c1 mu,
+    the range `turning` of the matrices in use, empty at rest, and its first guess. Of
     the last Jacobian that `contraction` was evaluated for: its point, its weights (`before`), and
     the norm `size` of J - 1.
     """
@@ -77,6 +78,11 @@ class PrescribedBody:
             self.sizes[i] = np.linalg.norm(A[:r, :r]), hypot(below, right)
         self.table = table or TimeTable.tabulate(
             RowsInTime(operators, factors), np.array(factors.times))
+        self.acting = slice(0, len(self.G))
+        if self.table.rows is not None:  # kappa and mu are known at all times
+            known = self.table.rows[:, : 2 * len(self.G)].any(axis=0)
+            acts = np.flatnonzero(known.reshape(2, -1).any(axis=0))
+            self.acting = slice(acts[0], acts[-1] + 1) if len(acts) else slice(0, 0)
 
     weights: FloatArray
     guess: FloatArray
@@ -105,14 +111,13 @@ class PrescribedBody:
         weights (g,) = kappa + c1 mu: factors of G_g in the derivative by d."""
         g, at, table = len(self.G), self.at, self.table.at(step.t)  # [kappa, mu, base]
         r[self.rows] += table[2 * g :]
-        factors = table[: 2 * g].reshape(2, g)
-        acts = np.flatnonzero(factors.any(axis=0))
-        self.turning = slice(0, 0)
-        if not len(acts):  # at rest: kappa and mu are zero, and so are the weights
-            self.weights = factors[0]
-            return
-        self.turning = some = slice(acts[0], acts[-1] + 1)
+        factors, some = table[: 2 * g].reshape(2, g), self.acting
         kappa, mu = factors
+        self.turning = slice(0, 0)
+        if some.stop == some.start or not factors.any():  # at rest
+            self.weights = kappa
+            return
+        self.turning = some
         self.weights, self.guess, own = kappa + step.c1 * mu, d, d[at]
         inertia = np.multiply.outer(kappa[some], step.free[at] + own)
         inertia += np.multiply.outer(mu[some], step.free_rate[at] + step.c1 * own)

@@ -29,6 +29,8 @@ from scipy.sparse import csr_array, issparse
 from sparsemor.core import (
     Amplitude,
     FloatArray,
+    Frame,
+    FrameHistory,
     InputError,
     IntArray,
     Layout,
@@ -37,8 +39,10 @@ from sparsemor.core import (
 )
 from sparsemor.core.protocols.body_frame import FrameWork
 from sparsemor.core.protocols.integrator import second_difference
+from sparsemor.core.protocols.separable import evaluate_amplitudes
 from sparsemor.core.protocols.step_solver import LinearSystem
 from sparsemor.reducers.linalg.modal_coordinates import compact, times
+from sparsemor.reducers.step.border_matrix import BorderMatrix
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.jacobian_factors import Factor, factorized
 from sparsemor.reducers.step.local_copies import CopyMemory, Coupled, OfAtoms
@@ -51,8 +55,6 @@ from sparsemor.reducers.step.time_tables import TimeTable, plus_loads
 TOGETHER = 64
 """Largest number of displacements of bodies whose arrays are filled up to one size; larger bodies
 are stacked with those of half to twice their size."""
-RIGID = 100
-"""Largest number of unknowns of rigid bodies for which each step has its own Jacobian."""
 _NONE = np.zeros(0)
 WHOLE = 250
 """Largest number of coefficients whose constant operators form one matrix."""
@@ -161,7 +163,10 @@ class Stack:
         self.H, self.coefficients = np.zeros((B, b, b + 1)), np.zeros((B, 2 * g + 1))
         self.kappa_y, self.mu_y = np.zeros((B, b, g)), np.zeros((B, b, g))
         self.quad = np.zeros((B, b, 3, g))
-        self.work: list[FrameWork] = []
+        self.undeformed = np.zeros((B, 3, p)), np.zeros((B, 3 * g))
+        # of each body frame, working arrays, prescribed motion, first border unknown, and numbers
+        # of inertia matrices and directions
+        self.frames: list[tuple[Frame, FrameWork, FrameHistory | None, int, int, int]] = []
         for i, body in enumerate(self.bodies):
             f = body.step.frame
             # its border unknowns are the last ones of b, from o on
@@ -174,7 +179,15 @@ class Stack:
                 i, o:, : f.generators]
             w.quad = self.quad[i, o:, :, : f.generators]
             w.coefficients[-1] = 1.0
-            self.work.append(w)
+            self.frames.append((f, w, body.step.guide, o, f.generators, f.p))
+
+    def maps(self, size: int) -> Iterator[FloatArray]:
+        """Map (b, size) of the model's rigid unknowns and joint forces to the border unknowns of
+        each body."""
+        for body in self.bodies:
+            T = np.zeros((self.b, size))
+            T[self.b - len(body.step.to_border) :] = body.step.to_border
+            yield T
 
     def evaluate(
         self, X: FloatArray, Y: FloatArray, t: float, rates: tuple[float, float] | None
@@ -184,19 +197,19 @@ class Stack:
         given. o: first of the b border unknowns that a frame uses; sizes: numbers of displacements;
         w.fresh: True if `evaluate` is to fill in derivatives; `exact` adds those that are quadratic
         in displacements."""
-        B, b, g, k = len(self.bodies), self.b, self.g, self.k
+        B, b, g = len(self.bodies), self.b, self.g
         c1, c2 = rates or (0.0, 0.0)
         Y = Y[:, self.span].reshape(3, B, b) + self.origin
-        s, forms = self.multiply(X) if k else (np.zeros((B, 3, self.p)), np.zeros((B, 3, g)))
-        for i, (body, w) in enumerate(zip(self.bodies, self.work, strict=True)):
-            f = body.step.frame
-            o, own = b - f.border, f.generators
+        s, forms = self.multiply(X) if self.k else self.undeformed
+        for i, (f, w, guide, o, own, p) in enumerate(self.frames):
             y, v, a = Y[:, i, o:]  # views, to which prescribed motion is added
-            if body.step.guide is not None:
-                for row, part in zip((y, v, a), body.step.guide.at(t), strict=True):
+            if guide is not None:
+                for row, part in zip((y, v, a), guide.at(t), strict=True):
                     row[: len(part)] += part
             w.fresh = rates is not None
-            f.evaluate(y, v, a, c1, c2, s[i, :, : f.p], forms[i, :, :own].ravel(), t, w)
+            f.evaluate(
+                y, v, a, c1, c2, s[i] if p == self.p else s[i, :, :p],
+                forms[i] if own == g else forms[i].reshape(3, g)[:, :own].ravel(), t, w)
             if own < g:  # its coefficients are no view: kappa and mu, each filled up to g
                 self.coefficients[i, :own] = w.coefficients[:own]
                 self.coefficients[i, g : g + own] = w.coefficients[own:-1]
@@ -205,12 +218,12 @@ class Stack:
 
     def multiply(self, X: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Functionals s (B, 3, p) of the displacements and their rates, and their quadratic forms
-        (B, 3, g). Kept: u.Q_g (`products`), G_g u and G_g u' (`rotation_products`)."""
+        (B, 3 g). Kept: u.Q_g (`products`), G_g u and G_g u' (`rotation_products`)."""
         B, g, k = len(self.bodies), self.g, self.k
         # (B, 3, k): displacements, rates, second rates
         U = X.take(self.at, axis=1).transpose(1, 0, 2)
         self.products = (U @ self.Q).reshape(B, 3, g, k)
-        forms = (self.products.reshape(B, 3 * g, k) @ U[:, 0, :, None]).reshape(B, 3, g)
+        forms = (self.products.reshape(B, 3 * g, k) @ U[:, 0, :, None])[:, :, 0]
         self.rotation_products, self.u = (U[:, :2] @ self.G).reshape(B, 2 * g, self.height), U[:, 0]
         return U @ self.P, forms
 
@@ -226,12 +239,12 @@ class Stack:
         forces, numbered `at`, to its border unknowns, whose equations are numbered `rows`. c1, c2:
         dv = c1 dx, da = c2 dx. products[i] (3, g, k) = Q_g (u, u', u''), rotation_products[i] (2 g,
         l) = G_g u, then G_g u'."""
-        body, w, g, s = self.bodies[i], self.work[i], self.g, self.sizes[i]
+        (_, w, _, o, *_), body, g, s = self.frames[i], self.bodies[i], self.g, self.sizes[i]
         corner = T.T @ w.border[:, :-1] @ T
         if not s:
             none = np.zeros((0, len(at)))
             return BorderBlocks(body, rows, at, corner, none, none.T, np.zeros(0))
-        o, k = self.b - body.step.frame.border, self.k
+        k = self.k
         # elastic rows by border unknowns: E sigma + sum_g kappa_g G_g u + mu_g G_g u'
         rates = np.hstack((self.kappa_y[i, o:], self.mu_y[i, o:])) @ self.rotation_products[i]
         column = (self.sigma[i, o:-1] @ self.E[i] + rates)[:, : self.heights[i]].T @ T
@@ -260,10 +273,12 @@ class Reduced(WholeEquations):
     but as many as are sampled; then `residual` leaves out the operators D d of the blocks.
     inactive: unknowns that are zero in a step, which d contains as minus the free motion. tables:
     of `prescribed_bodies`, if they are known. frames_at: x at which frames were last evaluated with
-    derivatives.
+    derivatives. rates: R of the last step, for its factors c. corner: structure of the Jacobian of
+    rigid bodies alone, whose derivatives come with the residual; None for other models.
     """
 
     inactive: IntArray = np.zeros(0, dtype=np.int64)
+    c: tuple[float, ...] = ()
     frames_at: FloatArray = np.zeros(0)
 
     def __init__(
@@ -281,11 +296,7 @@ class Reduced(WholeEquations):
         self.layout, self.heat, self.bodies, self.coupled = layout, heat, bodies, coupled
         self.targets, self.border, self.h, self.named = targets, border, h, named
         self.heat_first, n, first = heat_first, layout.size, layout.first
-        # cost of a Jacobian in iterations, measured: 6 for 65 unknowns, 14 for 260, 31 for 1300; of
-        # rigid bodies, whose derivatives come with the residual, less than an iteration; not so
-        # those of coupled terms, such as contact
-        rigid = not coupled and all(b.operators is None for b in bodies)
-        self.price = 1 if rigid and n <= RIGID else 8 + n // 40
+        self.corner: BorderMatrix | None = None
         self.atoms = slice(layout.frames.stop, layout.algebraic.start)
         solved = [layout[b.name] for b in layout.differential if b.kind.reducible]
         self.identity: IntArray | slice = self.atoms  # else bristles are between them
@@ -298,6 +309,8 @@ class Reduced(WholeEquations):
         self.rows, self.sampled = rows or layout, rows is not None
         self._at = {layout[b.name].start: self.rows[b.name] for b in layout}
         self.border_rows = border if rows is None else positions(rows)
+        self.target_rows = self.border_rows[[i for i, _ in targets]]
+        self.target_values = [f for _, f in targets]
         own = [b for b in bodies if b.operators is not None and b.factors is not None]
         self.prescribed_bodies = [
             PrescribedBody(b.step, b.operators, b.factors, self.row(b.step.elastic), table)
@@ -309,6 +322,13 @@ class Reduced(WholeEquations):
             self.iterated or self.known)
         self.solved = self._solved()
         self._maps(border)
+        # rigid bodies alone
+        if len(border) == n > 0 and bodies and not coupled and all(
+                b.operators is None for b in bodies):
+            self.corner = BorderMatrix([T for stack in self.stacks for T in stack.maps(n)])
+        # cost of a Jacobian in iterations, measured: 6 for 65 unknowns, 14 for 260, 31 for 1300; of
+        # rigid bodies, whose derivatives come with the residual, less than an iteration
+        self.price = 8 + n // 40 if self.corner is None else 1
         self.constants, self.thermal = self._constants()
         self.of_motion = _merged(self.constants, self.atoms) if rows is None else [
             c for c in self.constants if c.of < 2 and c.A.any()]
@@ -528,9 +548,13 @@ class Reduced(WholeEquations):
             motion[0][inactive], motion[2][inactive] = 0.0, -step.c2 * step.free[inactive]
             motion[1][inactive] -= step.c1 * step.free[inactive]
         if not self.linear:
-            self.X0, self.R = np.zeros((3, n + 1)), _rates(step)
-            self.X0[: len(motion), :n] = motion
-            self.R[:, inactive] = 0.0
+            if self.c != (c := (step.c1, step.c2, step.c1_first, step.c2_first)):
+                self.c, self.rates = c, _rates(step)
+            self.X0, self.R = np.zeros((3, n + 1)), self.rates
+            self.X0[0, :n], self.X0[1, :n] = motion[:2]
+            if len(inactive):
+                self.X0[2, :n], self.R = motion[2], self.rates.copy()
+                self.R[:, inactive] = 0.0
             self._plus_prescribed(base, step.t)
         for rows, columns, of, A in self.of_inactive if len(inactive) else ():
             base[rows] += A.dot(motion[of][columns])
@@ -572,8 +596,9 @@ class Reduced(WholeEquations):
 
     def _motion(self, d: FloatArray) -> FloatArray:
         """Unknowns with their rates (3, n + 1) at the departure d (n,)."""
-        X, step, first = self.X0.copy(), self.step, self.layout.first
-        X[:, :-1] += self.R * d
+        X, step, first = np.zeros(self.X0.shape), self.step, self.layout.first
+        np.multiply(self.R, d, out=X[:, :-1])
+        X += self.X0
         if self.terms_in_heat and step.before is not None:
             X[2, first] = second_difference(step.before[first], X[0, first], X[1, first], step.h)
         return X
@@ -606,7 +631,12 @@ class Reduced(WholeEquations):
             stack.evaluate(X, Y, t, rates)
 
     def jacobian(self, at: Linearisation) -> FloatArray:
-        """Exact Jacobian of the unknowns `solved`; that of all others is the identity."""
+        """Exact Jacobian of the unknowns `solved`; that of all others is the identity. Of rigid
+        bodies alone its entries (`BorderMatrix`)."""
+        if self.corner is not None:
+            self._evaluate_at(at.x, at.v, at.a, at.t, *at.c[:2])
+            return self.corner.assembled(np.concatenate(
+                [stack.H[:, :, :-1].ravel() for stack in self.stacks]))
         if self.linear:  # one block per body, of its leading modes; at.c = (c1, ...)
             c1, J, rows = at.c[0], np.eye(len(np.arange(self.layout.size)[self.solved])), 0
             for b in self.prescribed_bodies:
@@ -627,7 +657,13 @@ class Reduced(WholeEquations):
         return self.slope(at.x, at.v, at.a, at.t, of_rate, of_acceleration)
 
     def factorize(self, J: FloatArray) -> Factor:
-        return factorized(J)
+        """J: a matrix, or the entries of `corner`."""
+        return factorized(J) if self.corner is None or J.ndim == 2 else self.corner.factorized(J)
+
+    def magnitudes(self, J: FloatArray, x: FloatArray) -> FloatArray:
+        if self.corner is None:
+            return super().magnitudes(J, x)
+        return self.corner.magnitudes(J, np.abs(x))
 
     def contraction(self, point: Linearisation) -> float:
         return max(b.contraction(point) for b in self.prescribed_bodies) if self.linear else inf
@@ -644,8 +680,8 @@ class Reduced(WholeEquations):
 
     def _plus_prescribed(self, r: FloatArray, t: float) -> None:
         """Adds to r what depends on the time (s) alone, without bodies on prescribed frames."""
-        for i, f in self.targets:
-            r[self.border_rows[i]] -= f(t)
+        if self.targets:
+            r[self.target_rows] -= evaluate_amplitudes(self.target_values, t)
         for h in self.heat:
             r[self.row(h.at)] -= plus_loads(h.operators.constant, h.operators, t)
         for b in self.bodies:
@@ -665,14 +701,21 @@ class Reduced(WholeEquations):
             r[b.rows] += b.rotation(x, v, t)
         return self._with_terms(r, X, t, self.coupled)
 
+    def _evaluate_at(
+        self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: float, c2: float
+    ) -> None:
+        """Evaluates all frames with derivatives at a state, for dv = c1 dx and da = c2 dx, unless
+        the residual has done so."""
+        if len(self.frames_at) != len(x) or (x != self.frames_at).any():
+            X = np.zeros((3, len(x) + 1))
+            X[:, :-1] = x, v, a
+            self._evaluate(X, t, (c1, c2))
+
     def border_blocks(
         self, x: FloatArray, v: FloatArray, a: FloatArray, t: float, c1: float, c2: float
     ) -> Iterator[BorderBlocks]:
         """Derivatives for each body at a state, for dv = c1 dx and da = c2 dx."""
-        if not np.array_equal(x, self.frames_at):  # else frames were evaluated with the residual
-            X = np.zeros((3, len(x) + 1))
-            X[:, :-1] = x, v, a
-            self._evaluate(X, t, (c1, c2))
+        self._evaluate_at(x, v, a, t, c1, c2)
         for stack, used in zip(self.stacks, self.used, strict=True):
             for i, (rows, at, T) in enumerate(used):
                 yield stack.blocks(i, T, rows, at, c1, c2)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from sparsemor.core import Amplitude, FloatArray, IntArray, Status, StepFormula, StepOutcome
+from sparsemor.core.protocols.integrator import second_difference
 from sparsemor.reducers.step.convergence_test import Tolerances
 from sparsemor.reducers.step.frame_step import BodyStep
 from sparsemor.reducers.step.newton_loop import Loop, StepEquations
@@ -16,18 +17,28 @@ from sparsemor.reducers.step.step_memory import Memory
 
 
 class StepUnknowns:
-    """Unknowns x and rates v, a (n,) at the end of a step: those of the prediction until `outcome`,
-    which adds all increments at once; temperatures are changed as they are solved for.
+    """Unknowns at the end of a step: temperatures are final once they are solved for, those of the
+    mechanics are the prediction until these are.
 
     d (n,): departure from the free motion (core/protocols/integrator.py), to which increments are
     added; remaining: largest estimated error that an iteration left (`StepOutcome`).
     """
 
-    __slots__ = ("a", "d", "remaining", "step", "v", "x")
+    __slots__ = ("d", "remaining", "step")
 
     def __init__(self, step: StepFormula, d: FloatArray) -> None:
         self.step, self.d, self.remaining = step, d, 0.0
-        self.x, self.v, self.a = step.at(d)
+
+    def temperatures(
+        self, at: slice | IntArray, local: bool = True
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Temperatures numbered `at` (k,) with their rates and second differences, which are zero
+        without `local` terms to read them."""
+        step, d = self.step, self.d[at]
+        T, rate = step.free[at] + d, step.c1_first * d
+        if not local or step.before is None:
+            return T, rate, np.zeros(len(d))
+        return T, rate, second_difference(step.before[at], T, rate, step.h)
 
     def add_temperatures(
         self, at: slice | IntArray, active: IntArray | None, d: FloatArray
@@ -37,9 +48,6 @@ class StepUnknowns:
         if active is not None and isinstance(at, slice):
             at = at.start + active
         self.d[at] += d
-        self.x[at] += d
-        self.v[at] += self.step.c1_first * d
-        self.a[at] += self.step.c2_first * d
 
     def drop_inactive_temperatures(self, at: slice, active: IntArray | None) -> None:
         """Sets the inactive coefficients of a thermal block to zero."""
@@ -47,14 +55,13 @@ class StepUnknowns:
             inactive = np.ones(at.stop - at.start, dtype=np.bool_)
             inactive[active] = False
             numbers = at.start + np.flatnonzero(inactive)
-            self.add_temperatures(numbers, None, -self.x[numbers])
-            self.x[numbers] = 0.0
+            self.d[numbers] = -self.step.free[numbers]
 
     def outcome(
         self, status: Status, iterations: int, block: str = "", detail: str = ""
     ) -> StepOutcome:
         """The unknowns and their rates as the solution of the step."""
-        x, v, a = self.step.at(self.d)
+        x, v, a = self.step.at(self.d, differences=False)
         return StepOutcome(x, status, iterations, block, detail, (v, a), self.remaining)
 
 

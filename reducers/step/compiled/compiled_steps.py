@@ -146,16 +146,19 @@ class CompiledSteps:
         if equations is not None:
             if kept.point is None or kept.point.c != self._c:
                 self._linearize(state, memory)
-            if kept.factor is None:
-                Loop(self.solver.layout, self.solver.tolerances).factorize(
-                    memory.work.of(equations), kept)
+            if kept.factor is None or not len(kept.noise):
+                loop = Loop(self.solver.layout, self.solver.tolerances)
+                if kept.factor is None:
+                    loop.factorize(memory.work.of(equations), kept)
+                loop.kept_noise(memory.work.of(equations), kept)
             if kept.factor is not self._factor:
-                assert isinstance(kept.J, np.ndarray) and kept.point is not None
+                assert kept.factor is not None and kept.point is not None
                 self._factor, at = kept.factor, self.solver.layout.quaternions
                 self._attitudes = turns_from(np.array(
                     [kept.point.x[i : i + 4] for i in at]).reshape(len(at), 4))
-                self._inverse = (kept.factor if isinstance(kept.factor, Inverse)
-                                 else Inverse(kept.J)).inverse
+                n = len(np.arange(self.solver.layout.size)[equations.solved])
+                self._inverse = (kept.factor.inverse if isinstance(kept.factor, Inverse)
+                                 else kept.factor.solve(np.eye(n)))
         for name, heat in zip(self.plan.heat_groups, self.plan.heat, strict=True):
             if not heat.inverse.size:
                 continue

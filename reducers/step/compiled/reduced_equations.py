@@ -176,6 +176,8 @@ def solve(
         change, remaining, rounded = 0.0, 0.0, True
         for k in range(len(m.judged)):
             error, noise = estimated_error(w.relative[k], w.before[k]), MARGIN * run.noise[k]
+            if error <= NEGLIGIBLE * run.noise[k] / w.size[k]:
+                error = 0.0
             small = w.absolute[k] <= noise and w.earlier[k] <= noise
             rounded = rounded and (error <= m.remaining or small)
             change, remaining = max(change, w.relative[k]), max(remaining, error)
