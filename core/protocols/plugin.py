@@ -15,8 +15,6 @@ from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, GetJsonSchemaH
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticKnownError, core_schema
 
-from sparsemor.core.protocols.option_docs import option_docs
-
 PREFIX = "sparsemor."
 """Prefix of entry-point groups, `sparsemor.<kind>`."""
 OWN = "sparsemor"
@@ -129,6 +127,8 @@ class Plugin(BaseModel):
         cls, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> JsonSchemaValue:
         """JSON schema of the options; an option's docstring is its description."""
+        from sparsemor.core.protocols.option_docs import option_docs  # no run reads them
+
         made, texts = handler(schema), option_docs(cls)
         options = handler.resolve_ref_schema(made).get("properties", {})
         for name, field in cls.model_fields.items():

@@ -153,9 +153,12 @@ class StepAmplitude:
         loads are wanted, from the right; `begins`: the mean before it is that of a straight line
         with the slope after its start.
         """
-        f, near, own = self.function, same_time(t), _SUBSTEP.get()
+        f, own = self.function, _SUBSTEP.get()
         if own is not None and own.after is not None:
             return after(f, t + own.after)
+        if type(f).jumps is TimeFunction.jumps:  # it never does
+            return f.value(t)
+        near = same_time(t)
         h = min(self.h if own is None else own.h, t)
         start = t - h if t - h > near else 0.0
         earlier = max(start - h, 0.0) if self.theta else start

@@ -247,7 +247,7 @@ class Offline:
             a = product.arrays
             self._dictionaries[name] = Dictionary(
                 np.asarray(a["atoms"]), np.asarray(a["offset"]),
-                tuple(str(p) for p in a["provenance"]), json.loads(str(a["info"]))), float(a["top"])
+                tuple(map(str, a["provenance"])), json.loads(str(a["info"]))), float(a["top"])
             self._requested[name] = requested
         return self._dictionaries[name]
 

@@ -131,9 +131,10 @@ def train(scene: Scene, model: Model, offline: Offline) -> None:
 def build_bases(scene: Scene, model: Model, offline: Offline) -> None:
     """Builds the trial bases of all reducible blocks, or reads them from the cache. Raises
     InputError, with the block, for a basis that cannot be computed."""
+    step = _factors(scene)
     for name, basis in fitted_bases(model, scene.reducer).bases.items():
         try:
-            offline.dictionary(name, basis, _factors(scene))
+            offline.dictionary(name, basis, step)
         except InputError as error:
             raise InputError(f"{name}: {error}", "reducer.basis") from None
 
@@ -185,9 +186,10 @@ def _determined(
     joints that have none of least norm."""
     # joint -> the joint with compliant constraints, None if it has no such form, and a note; none
     # where full-order rows at the joints determine their forces
+    step = _factors(scene)
     found = {} if scene.reducer.keeps_joint_rows else undetermined_forces(
         model, scene.time.step, {
-            n: offline.dictionary(n, basis, _factors(scene))[0]
+            n: offline.dictionary(n, basis, step)[0]
             for n, basis in fitted_bases(model, scene.reducer).bases.items()})
     changed = {n: made for n, (made, _) in found.items() if made is not None}
     notes = tuple(note for made, note in found.values() if made is None)

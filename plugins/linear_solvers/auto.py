@@ -11,10 +11,6 @@ from sparsemor.core import Csr, DofLocations, LinearSolver, Solved, unsuitable_m
 from sparsemor.core.linalg.linear_solver_checks import is_vector_field
 from sparsemor.core.linalg.nested_dissection import factor_entries
 from sparsemor.core.simulation.memory.limits import GIGABYTE, machine_memory
-from sparsemor.plugins.linear_solvers.cholmod import Cholmod
-from sparsemor.plugins.linear_solvers.conjugate_gradients import ConjugateGradients
-from sparsemor.plugins.linear_solvers.pardiso import Pardiso
-from sparsemor.plugins.linear_solvers.smoothed_aggregation import SmoothedAggregation
 from sparsemor.plugins.linear_solvers.superlu import ENTRY, Splu
 
 SMALL = 3000
@@ -33,6 +29,7 @@ class AutomaticSolver(LinearSolver):
     installed. Iterative: `cg`, or `amg` (if installed) for displacements and where `cg` takes more
     than 300 iterations.
     """
+    # a solver is imported where it is chosen: most matrices are small, and take SuperLU
 
     rtol: float = Field(default=1e-10, gt=0.0, lt=1.0)
     """Tolerance of the iterative solvers: residual norm relative to that of the right-hand side."""
@@ -64,6 +61,8 @@ class AutomaticSolver(LinearSolver):
         worth = int(4 * entries / (A.nnz + 6 * n))
         took = self._tried(A, worth)
         if took is not None:
+            from sparsemor.plugins.linear_solvers.conjugate_gradients import ConjugateGradients
+
             return ConjugateGradients(rtol=self.rtol), (
                 f"cg: {took} iterations cost less than a solve with factors of {size:.2g} GB")
         name, best = _direct()
@@ -75,6 +74,9 @@ class AutomaticSolver(LinearSolver):
         return int(self.choose(A, places)[0].expected(A, places))
 
     def _iterative(self, A: Csr, places: DofLocations | None, why: str) -> tuple[Any, str]:
+        from sparsemor.plugins.linear_solvers.conjugate_gradients import ConjugateGradients
+        from sparsemor.plugins.linear_solvers.smoothed_aggregation import SmoothedAggregation
+
         heat = places is None or not is_vector_field(places)
         took = self._tried(A, PATIENCE) if heat else None
         if took is None and find_spec("pyamg"):
@@ -85,6 +87,8 @@ class AutomaticSolver(LinearSolver):
     def _tried(self, A: Csr, limit: int) -> int | None:
         """Iterations of conjugate gradients for a random right-hand side; None when `limit` does
         not suffice."""
+        from sparsemor.plugins.linear_solvers.conjugate_gradients import ConjugateGradients
+
         if limit < 1:
             return None
         b = np.random.default_rng(0).standard_normal(A.shape[0])
@@ -97,8 +101,14 @@ class AutomaticSolver(LinearSolver):
         return 0.5 * machine_memory() / GIGABYTE if self.memory is None else self.memory
 
 
-def _direct() -> tuple[str, Cholmod | Pardiso | Splu]:
+def _direct() -> tuple[str, LinearSolver]:
     """Name of the fastest installed direct solver, and the solver."""
     if find_spec("sksparse"):
+        from sparsemor.plugins.linear_solvers.cholmod import Cholmod
+
         return "cholmod", Cholmod()
-    return ("pardiso", Pardiso()) if find_spec("pypardiso") else ("splu", Splu())
+    if find_spec("pypardiso"):
+        from sparsemor.plugins.linear_solvers.pardiso import Pardiso
+
+        return "pardiso", Pardiso()
+    return "splu", Splu()

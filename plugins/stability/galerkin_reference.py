@@ -134,4 +134,4 @@ def times_checked(times: Sequence[float], h: float, end: float) -> tuple[float, 
 def _orthonormal(d: Dictionary, support: BoolArray | None) -> Dictionary:
     use = slice(0, 1) if support is not None and not support.any() else support
     q = np.linalg.qr(d.atoms if use is None else d.atoms[:, use])[0]
-    return Dictionary(q, d.offset, tuple(f"span {i}" for i in range(q.shape[1])))
+    return Dictionary(q, d.offset, tuple(map("span {}".format, range(q.shape[1]))))

@@ -6,9 +6,6 @@ from typing import Literal
 
 from sparsemor.core import AssembledModel, ReducedProblem, StepSolver
 from sparsemor.reducers.block_counts import coupling, elements
-from sparsemor.reducers.full.heat import full_heat
-from sparsemor.reducers.full.mechanics import FullBody, FullMechanics
-from sparsemor.reducers.full.monolithic import Summed
 from sparsemor.reducers.reducer_notes import local_heat_notes, whole_step_notes
 from sparsemor.reducers.reducer_options import StepOptions
 from sparsemor.reducers.step.blockwise_solver import stepper
@@ -43,6 +40,11 @@ class Full(StepOptions):
     def prepare(self, problem: ReducedProblem) -> StepSolver:
         """Step solver of the full-order model: for all unknowns together (`newton`, or terms that
         couple blocks), for rigid bodies alone, or block by block with factorized operators."""
+        # imported by full-order runs, not by each scene whose training run is one by default
+        from sparsemor.reducers.full.heat import full_heat
+        from sparsemor.reducers.full.mechanics import FullBody, FullMechanics
+        from sparsemor.reducers.full.monolithic import Summed
+
         model, integrator, h = problem.model, problem.integrator, problem.step
         tol = self.tolerances
         if self.method == "newton":  # 0: a new Jacobian in each iteration
@@ -91,6 +93,8 @@ class Full(StepOptions):
     def _whole(self, model: AssembledModel, price: int, why: str) -> WholeStepper:
         """Newton solver for all unknowns together; price: see `StepEquations`; why: the reason, for
         notes."""
+        from sparsemor.reducers.full.monolithic import Summed
+
         return WholeStepper(
             Summed.from_model(model, price), Loop(model.layout, self.tolerances),
             elements(model, model.terms, [t.rows for t in model.terms]), self.predictor,
