@@ -105,7 +105,8 @@ def _checked(function: FunctionType, protocol: type, protocol_method: Any) -> Fu
     guarded_types = set[type]()
     step_check = EVERY_STEP.get((protocol.__name__, name))
     fits_quickly = quick_test(hint, finite)
-    is_number = hint is float  # of which `CHECKS` ask no more than that it is finite
+    # type of usual values that need no test but this; of a float `CHECKS` ask that it is finite
+    plain = hint if hint is float or hint in _IMMUTABLE and check is None else None
     no_further_checks = returned_protocol is None and check is None
 
     @wraps(function)
@@ -136,7 +137,7 @@ def _checked(function: FunctionType, protocol: type, protocol_method: Any) -> Fu
             raise
         except (Exception, SystemExit) as error:
             raise _raised(error, self, function) from error
-        if is_number and type(value) is float and isfinite(value):
+        if type(value) is plain and (plain is not float or isfinite(value)):
             return value
         fits = fits_quickly(value)
         if fits and no_further_checks:

@@ -1,6 +1,6 @@
-"""Load patterns of moving loads: unit loads on surface points or patches along the path, or leading
-singular vectors of the load tables; and the compression of many responses to few orthonormal atoms,
-their leading singular vectors."""
+"""Names of the loads of a block; load patterns of moving loads: unit loads on surface points or
+patches along the path, or leading singular vectors of the load tables; and the compression of many
+responses to few orthonormal atoms, their leading singular vectors."""
 
 from collections.abc import Sequence
 
@@ -15,6 +15,11 @@ from sparsemor.plugins.bases.orthogonalise import independent
 from sparsemor.plugins.bases.snapshot_svd import left_singular, round_off_level
 
 AXES = ("x", "y", "z", "about x", "about y", "about z", "mode")
+
+
+def load_names(data: BlockData) -> tuple[str, ...]:
+    """Name of each column of the loads of a block."""
+    return data.load_names or tuple(f"load {i}" for i in range(data.loads.shape[1]))
 
 
 def unit_loads(data: BlockData, patches: int | None) -> tuple[FloatArray, list[str]]:

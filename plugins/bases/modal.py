@@ -13,6 +13,7 @@ from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
 from sparsemor.core import Basis, BlockData, Csr, Dictionary, FloatArray, InputError
 from sparsemor.core.linalg.dense import oriented_unit_columns
+from sparsemor.plugins.bases.load_patterns import load_names
 from sparsemor.plugins.bases.orthogonalise import independent
 from sparsemor.plugins.bases.static_response import StaticSolver, factorize, is_thermal
 
@@ -187,10 +188,6 @@ def joint_columns(data: BlockData, who: str) -> FloatArray:
         raise InputError(no_interface(data, who))
     P = P / np.linalg.norm(P, axis=0)
     return np.asarray(P[:, independent(P, 1e-10)[0]])
-
-
-def load_names(data: BlockData) -> tuple[str, ...]:
-    return data.load_names or tuple(f"load {i}" for i in range(data.loads.shape[1]))
 
 
 def _beyond(

@@ -7,8 +7,7 @@ from pydantic import Field
 
 from sparsemor.core import Basis, BlockData, Dictionary, FloatArray, InputError, Slot
 from sparsemor.core.linalg.dense import oriented_unit_columns, unit_columns
-from sparsemor.plugins.bases.load_patterns import compressed, known_step
-from sparsemor.plugins.bases.modal import load_names
+from sparsemor.plugins.bases.load_patterns import compressed, known_step, load_names
 from sparsemor.plugins.bases.orthogonalise import independent_atoms
 from sparsemor.plugins.bases.static_response import StaticSolver, factorize, is_thermal
 

@@ -52,8 +52,9 @@ def samplers(model: AssembledModel, options: SparseOptions) -> dict[str, Sampler
     found = dict.fromkeys(model.reducible(), options.sampler)
     if options.resample is None and is_default(options, "sampler"):
         plain = [n for n in unweighed(model, options) if options.residual_of(n) == "auto"]
-        points: Any = Registry().get("sampler", POINTS)()
-        found |= dict.fromkeys(plain, points)
+        if plain:
+            points: Any = Registry().get("sampler", POINTS)()
+            found |= dict.fromkeys(plain, points)
     return found
 
 
