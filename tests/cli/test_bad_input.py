@@ -5,13 +5,11 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
-from typer.testing import CliRunner
 
+from in_process import sparsemor
 from sparsemor import InputError, load, simulate
-from sparsemor.core.cli import app
 from sparsemor.core.results.model_file import MAGIC
 from sparsemor.core.simulation.validation import checked_model
 
@@ -33,13 +31,6 @@ def changed(here: Path) -> Changed:
         return Path("scene.yaml")
 
     return write
-
-
-def sparsemor(*arguments: str) -> SimpleNamespace:
-    done = CliRunner().invoke(app, list(arguments))
-    if done.exception is not None and not isinstance(done.exception, SystemExit):
-        raise done.exception
-    return SimpleNamespace(code=done.exit_code, out=done.stdout, lines=done.stderr.splitlines())
 
 
 def refused(*arguments: str) -> list[str]:

@@ -8,9 +8,8 @@ from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import pytest
-from typer.testing import CliRunner
 
-from sparsemor.core.cli import app
+from in_process import sparsemor
 from sparsemor.core.errors import InputError
 from sparsemor.core.notes import Note
 from sparsemor.core.results.stored_arrays import FORMAT, write_header
@@ -57,13 +56,6 @@ def runs(monkeypatch) -> list[SimpleNamespace]:
     monkeypatch.setitem(sys.modules, "sparsemor.core.simulation.simulate", module)
     monkeypatch.setattr("sparsemor.core.simulation.validation.checked_model", lambda scene: None)
     return asked
-
-
-def sparsemor(*arguments: str) -> SimpleNamespace:
-    done = CliRunner().invoke(app, list(arguments))
-    if done.exception is not None and not isinstance(done.exception, SystemExit):
-        raise done.exception
-    return SimpleNamespace(code=done.exit_code, out=done.stdout, err=done.stderr)
 
 
 def test_run_writes_where_it_says(runs):
@@ -237,44 +229,6 @@ def test_plugins_shows_the_whole_cause_of_a_broken_one(monkeypatch, distribute):
 def test_schema_and_version_are_printed():
     assert json.loads(sparsemor("schema").out)["title"] == "Scene"
     assert sparsemor("--version").out.strip() == version("sparsemor")
-
-
-def test_compare_runs_each_reducer(runs, monkeypatch):
-    compared = []
-
-    class Comparison(SimpleNamespace):
-        def __str__(self) -> str:
-            return "a table"
-
-    def compare(reference, *, error_limit, failed, **others):
-        compared.append((reference, others))
-        errors = SimpleNamespace(start_up={"a": 0.5}, steady={"a": 0.1})
-        return Comparison(errors={n: {"a": 0.5} for n in others}, effectivity={},
-                          measured=dict.fromkeys(others, errors), above_limit={},
-                          late_errors={}, trained_to={}, gains={},
-                          write=lambda directory, *_: [directory / "errors.csv"])
-
-    module = ModuleType("sparsemor.plugins.comparison.compare")
-    module.compare, module.installed_charts = compare, list
-    monkeypatch.setitem(sys.modules, "sparsemor.plugins.comparison.compare", module)
-    checked_by(monkeypatch, lambda scene, body_cache: None)
-    done = sparsemor("compare", "scene.yaml", "--reducers", "direct,second,tuned", "--json")
-    assert done.code == 0
-    shown = json.loads(done.out)
-    assert shown["reference"] == "direct"
-    assert [r["run"] for r in shown["runs"]] == ["direct", "second", "tuned"]
-    assert shown["errors"] == shown["start_up"] == {"second": {"a": 0.5}, "tuned": {"a": 0.5}}
-    assert shown["steady"]["tuned"] == {"a": 0.1}
-    assert [r.out for r in runs] == [
-        Path("runs/scene-compare", n) for n in ("direct", "second", "tuned")]
-    direct, second, tuned = (r.scene.reducer for r in runs)
-    assert direct.model_dump() == {}
-    assert second.budgets == {"a": 5}
-    assert tuned.sampler.mix == 0.25
-    assert set(compared[0][1]) == {"second", "tuned"}
-    assert sparsemor("compare", "scene.yaml", "--reducers", "tuned").code == 2
-    assert "did you mean direct?" in sparsemor(
-        "compare", "scene.yaml", "--reducers", "tuned,dirct").err
 
 
 def test_new_plugin_writes_a_package_once():

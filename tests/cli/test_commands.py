@@ -35,7 +35,6 @@ def said(err: str) -> list[str]:
     return [line for line in err.splitlines() if not any(k in line for k in known)]
 
 
-
 def installed(*arguments: object) -> tuple[str, str]:
     """Standard output and error of the installed program, which must succeed."""
     done = subprocess.run([PROGRAM, *map(str, arguments)], capture_output=True, text=True,

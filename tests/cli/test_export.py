@@ -2,8 +2,6 @@
 
 import csv
 import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -12,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from in_process import sparsemor
 from sparsemor import InputError, export, load, open_result, simulate
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.results.files.written_files import LISTING
@@ -20,7 +19,6 @@ from sparsemor.core.simulation.cache import Cache
 
 SCENES = Path(__file__).parents[1] / "scenes"
 SWING = Path(__file__).parents[1] / "scenes" / "swing.yaml"
-PROGRAM = Path(sys.executable).with_name("sparsemor")
 WHOLE = "is of the whole run: fields of single bodies go to vtu or xdmf"
 
 
@@ -114,7 +112,7 @@ def test_a_plane_run_by_the_command(tmp_path: Path) -> None:
     import meshio
 
     made = simulate(load(SWING, {"reducer": "full", "time.end": 0.02}), out=tmp_path / "run")
-    shown = json.loads(sparsemor("export", tmp_path / "run", "--every", 10, "--json").stdout)
+    shown = json.loads(sparsemor("export", tmp_path / "run", "--every", 10, "--json").out)
     assert (shown["status"], shown["times"], shown["notes"]) == ("done", 3, [])
     (series,) = map(Path, shown["files"].values())
     assert series == tmp_path / "run" / "vtu" / "arm.pvd"
@@ -124,10 +122,10 @@ def test_a_plane_run_by_the_command(tmp_path: Path) -> None:
     assert np.array_equal(mesh.points[:, :2], made.positions("arm", -1))
     assert not mesh.points[:, 2].any() and not mesh.point_data["displacement"][:, 2].any()
     again = sparsemor("export", tmp_path / "run", code=2)
-    assert again.stderr == (f"--out: {series.parent}: output directory is not empty: use "
+    assert again.err == (f"--out: {series.parent}: output directory is not empty: use "
                             "--force to overwrite, or choose another --out\n")
     out = sparsemor("export", tmp_path / "run", "--force", "--at", "0.01", "--fields",
-                    "temperature").stdout
+                    "temperature").out
     assert out == f"{series}: {len(made.points('arm'))} points, 1 times, temperature\n"
     assert list(meshio.read(vtu_times(series)[0][1]).point_data) == ["temperature"]
 
@@ -249,8 +247,8 @@ def test_nothing_to_write(tmp_path: Path) -> None:
 @pytest.mark.full
 def test_bad_commands(tmp_path: Path) -> None:
     nowhere = sparsemor("export", tmp_path / "nowhere", code=2)
-    assert nowhere.stderr == f"there is no result in {tmp_path / 'nowhere'}\n"
-    shown = json.loads(sparsemor("export", tmp_path, "--json", code=2).stdout)
+    assert nowhere.err == f"there is no result in {tmp_path / 'nowhere'}\n"
+    shown = json.loads(sparsemor("export", tmp_path, "--json", code=2).out)
     assert shown["status"] == "bad_input"
 
 
@@ -258,13 +256,13 @@ def test_bad_commands(tmp_path: Path) -> None:
 def test_pictures_of_a_stored_run(run: RunResult, tmp_path: Path) -> None:
     folder = tmp_path / "drawn"
     shown = json.loads(sparsemor(
-        "pictures", run.path, "--at", "0.002", "--out", folder, "--json").stdout)
+        "pictures", run.path, "--at", "0.002", "--out", folder, "--json").out)
     assert {Path(f).name for f in shown["files"]} == {
         p.name for p in folder.iterdir() if p.suffix != ".jsonl"}
     assert {"temperature_bar.png", "deformation_bar.svg", "positions.png", "angles.png"} <= {
         p.name for p in folder.iterdir()}
     bad = sparsemor("pictures", run.path, "--at", "1", "--out", tmp_path / "no", code=2)
-    assert bad.stderr == "--at: give times within the run, 0 to 0.005 s (got 1)\n"
+    assert bad.err == "--at: give times within the run, 0 to 0.005 s (got 1)\n"
     assert not (tmp_path / "no").exists()
 
 
@@ -288,10 +286,3 @@ reducer: full
     made = open_result(simulate(load(tmp_path / "plate.yaml"), out=tmp_path / "run").path)
     low, high = made.positions("plate", -1).min(axis=0), made.positions("plate", -1).max(axis=0)
     np.testing.assert_allclose([low, high], [[2.0, -1.0], [3.0, 1.0]], atol=1e-14)
-
-
-def sparsemor(*arguments: object, code: int = 0) -> subprocess.CompletedProcess[str]:
-    done = subprocess.run([PROGRAM, *map(str, arguments)], capture_output=True, text=True,
-                          check=False)
-    assert done.returncode == code, done.stderr
-    return done

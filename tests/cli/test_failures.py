@@ -86,8 +86,6 @@ def assert_tells_all(done: SimpleNamespace, statuses: set[str]) -> RunResult:
     return result
 
 
-
-
 @pytest.mark.full
 @pytest.mark.parametrize("settings", [
     {"time__step": 0.1, "time__end": 2.0, "bodies__arm__pose__spin": 60.0},

@@ -5,12 +5,10 @@ import subprocess
 import sys
 from importlib.metadata import version
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
-from typer.testing import CliRunner
 
-from sparsemor.core.cli import app
+from in_process import sparsemor
 from sparsemor.core.status import SolveFailed, Status
 from toy_scene import TOY_SCENE
 
@@ -20,11 +18,6 @@ pytestmark = pytest.mark.usefixtures("toys", "here")
 @pytest.fixture(autouse=True)
 def scene(here: Path) -> None:
     (here / "scene.yaml").write_text(TOY_SCENE)
-
-
-def sparsemor(*arguments: str) -> SimpleNamespace:
-    done = CliRunner().invoke(app, list(arguments))
-    return SimpleNamespace(code=done.exit_code, out=done.stdout, err=done.stderr)
 
 
 @pytest.mark.parametrize("command", ["run", "validate"])

@@ -1,27 +1,19 @@
 """The command `reproduce`: two items of the paper computed for real, and what is refused."""
 
 import json
-import subprocess
 from pathlib import Path
 
 import pytest
 
-from swing_study import PROGRAM
+from in_process import sparsemor
 
 pytestmark = pytest.mark.full
 
 
-def ran(*arguments: str, code: int = 0) -> subprocess.CompletedProcess[str]:
-    done = subprocess.run(
-        [str(PROGRAM), "reproduce", *arguments], capture_output=True, text=True, check=False)
-    assert done.returncode == code, done.stdout + done.stderr
-    return done
-
-
 def test_two_items_of_the_paper(here: Path) -> None:
     """Figures 9 and 10 share their run; forces are 15.625 N and, in the paper, 3.115 N."""
-    done = json.loads(ran("--quick", "--items", "fig_9,fig_10", "--out", "out", "--workers", "1",
-                          "--json").stdout)
+    done = json.loads(sparsemor("reproduce", "--quick", "--items", "fig_9,fig_10", "--out", "out",
+                                "--workers", "1", "--json", code=0).out)
     assert done["counts"] == {"reproduced": 2} and done["status"] == "done"
     mesh, forces = done["verdicts"]
     assert mesh["numbers"]["slider"] == {"published": 1336.0, "here": 1336, "unit": ""}
@@ -39,6 +31,6 @@ def test_two_items_of_the_paper(here: Path) -> None:
     (("moon",), "SCENE"), (("--items", "fig_77"), "--items: no figure or table 'fig_77'"),
     (("--workers", "0"), "--workers: at least 1"), (("--paper", "no_such"), "no packaged paper")])
 def test_wrong_input_is_one_line(arguments: tuple[str, ...], fault: str, here: Path) -> None:
-    done = ran(*arguments, code=2)
-    assert fault in done.stderr and len(done.stderr.splitlines()) == 1
+    done = sparsemor("reproduce", *arguments, code=2)
+    assert fault in done.err and len(done.lines) == 1
     assert not (here / "runs").exists()

@@ -4,17 +4,17 @@ import contextvars
 import csv
 import json
 import os
-import subprocess
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from in_process import Done, sparsemor
 from sparsemor import InputError, study
 from sparsemor.core.results.output_lock import LOCK
 from sparsemor.plugins.study import run_plan
 from sparsemor.plugins.study.plan import StudyPlan
-from swing_study import PROGRAM, STUDY, SWING, command, rows_of
+from swing_study import STUDY, SWING, rows_of
 
 pytestmark = pytest.mark.full
 
@@ -24,10 +24,8 @@ def six(here: Path) -> None:
     (here / "six.yaml").write_text(STUDY)
 
 
-def ran(*arguments: object, code: int = 0) -> subprocess.CompletedProcess[str]:
-    done = subprocess.run(command(*arguments), capture_output=True, text=True, check=False)
-    assert done.returncode == code, done.stdout + done.stderr
-    return done
+def ran(*arguments: object, code: int = 0) -> Done:
+    return sparsemor("study", *arguments, code=code)
 
 
 def test_a_run_that_cannot_be_prepared_is_not_the_failure_of_its_neighbours() -> None:
@@ -48,8 +46,8 @@ def test_one_table_also_of_runs_that_fail() -> None:
     done = ran("six.yaml", "--out", "a")
     for said in ("6 runs: 3 done, 3 not_converged", "work_precision.png", "table.csv",
                  "error_over_time.png"):
-        assert said in done.stdout
-    assert done.stderr.splitlines()[-1].endswith("6/6 done, 0 running, 3 failed, 0 s left")
+        assert said in done.out
+    assert done.lines[-1].endswith("6/6 done, 0 running, 3 failed, 0 s left")
     rows = rows_of("a")
     assert [r["run"] for r in rows] == [1, 2, 3, 4, 5, 6]
     plain, hurried = rows[::2], rows[1::2]
@@ -114,13 +112,13 @@ def test_bad_input_writes_nothing() -> None:
     before = sorted(Path().rglob("*"))
     Path("six.yaml").write_text(STUDY.replace("count: [2, 4, 6]", "count: [2, 4, -6]"))
     bad = ran("six.yaml", "--out", "a", code=2)
-    assert bad.stderr == (
+    assert bad.err == (
         "six.yaml:8:31: grid.reducer.basis.count.2: reducer.basis.count: Input should be greater "
         "than or equal to 1 (got -6)\n")
-    shown = json.loads(ran("nowhere", "--json", code=2).stdout)
+    shown = json.loads(ran("nowhere", "--json", code=2).out)
     assert shown["errors"][0].startswith("no packaged study, and no file, is called 'nowhere'")
     Path("six.yaml").write_text(STUDY)
-    assert "--workers: at least 0" in ran("six.yaml", "--workers", -1, code=2).stderr
+    assert "--workers: at least 0" in ran("six.yaml", "--workers", -1, code=2).err
     with pytest.raises(InputError, match="there is no such file"):
         study("no.yaml")
     with pytest.raises(InputError, match="either --workers or --scheduler"):
@@ -132,7 +130,7 @@ def test_force_begins_anew_and_replaces_studies_only() -> None:
     Path("one.yaml").write_text(STUDY.replace("[2, 4, 6]", "[2]"))
     study("one.yaml", out="a")
     Path("one.yaml").write_text(STUDY.replace("[2, 4, 6]", "[4]"))
-    assert "--out: " in ran("one.yaml", "--out", "a", code=2).stderr
+    assert "--out: " in ran("one.yaml", "--out", "a", code=2).err
     plan = StudyPlan.read("one.yaml")
     run_plan(plan, out="a", force=True)
     assert [r["reducer.basis.count"] for r in rows_of("a")] == [4, 4]
@@ -194,8 +192,6 @@ def test_a_packaged_study_is_found_by_its_name(distribute: Any, tmp_path: Path) 
     rows = study("mine")
     assert [r["status"] for r in rows] == ["done", "not_converged"]
     assert Path("runs/mine/table.csv").exists()
-    listed = subprocess.run(
-        [PROGRAM, "plugins", "study", "--json"], capture_output=True, text=True, check=True,
-        env=os.environ | {"PYTHONPATH": str(packaged.parent)})
-    shown = [p for p in json.loads(listed.stdout)["plugins"] if p["name"] == "mine"]
+    listed = json.loads(sparsemor("plugins", "study", "--json", code=0).out)["plugins"]
+    shown = [p for p in listed if p["name"] == "mine"]
     assert shown[0]["doc"] == "How many columns, and what goes wrong"

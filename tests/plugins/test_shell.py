@@ -13,10 +13,9 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
+from in_process import sparsemor
 from sparsemor import load, simulate
-from sparsemor.core.cli import app
 from sparsemor.core.cli.completion import (
     plugin_names,
     scene_names,
@@ -31,13 +30,6 @@ PROGRAM = Path(sys.executable).with_name("sparsemor")
 ROD = ROOT / "docs" / "examples" / "rod.msh"
 TINY = ROOT / "tests" / "scenes" / "tiny.yaml"
 pytestmark = pytest.mark.usefixtures("here")
-
-
-def sparsemor(*words: object) -> tuple[int, str, str]:
-    done = CliRunner().invoke(app, [*map(str, words)], prog_name="sparsemor")
-    if done.exception is not None and not isinstance(done.exception, SystemExit):
-        raise done.exception
-    return done.exit_code, done.stdout, done.stderr
 
 
 class Given:

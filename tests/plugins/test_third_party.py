@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from in_process import sparsemor
 from public_names import PUBLIC, ours
 
 pytestmark = pytest.mark.full
@@ -24,14 +25,17 @@ def run(third_party: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
         capture_output=True, text=True, check=False)
 
 
-def command(third_party: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return run(third_party, "-c", "from sparsemor.core.cli import main; main()", *arguments)
+@pytest.fixture
+def installed(third_party, monkeypatch):
+    """The distributions, for the process of the test."""
+    monkeypatch.syspath_prepend(third_party)
 
 
-def test_both_are_listed_and_the_broken_one_with_its_cause(third_party):
-    done = command(third_party, "plugins", "sampler", "--json")
-    assert (done.returncode, done.stderr) == (0, "")
-    found = {p["use"]: p for p in json.loads(done.stdout)["plugins"]}
+@pytest.mark.usefixtures("installed")
+def test_both_are_listed_and_the_broken_one_with_its_cause():
+    done = sparsemor("plugins", "sampler", "--json")
+    assert (done.code, done.err) == (0, "")
+    found = {p["use"]: p for p in json.loads(done.out)["plugins"]}
     assert found["every_nth"]["distribution"] == "sparsemor-sample"
     assert found["every_nth"]["version"] == "0.3.0"
     assert found["every_nth"]["options"][0]["doc"].startswith("First row")
@@ -40,18 +44,17 @@ def test_both_are_listed_and_the_broken_one_with_its_cause(third_party):
     assert found["lhs"]["broken"] == ""
 
 
-def test_the_listing_has_what_a_package_of_one_integrator_replaces(third_party):
-    done = command(third_party, "plugins", "radau_iia", "--json")
-    (found,) = json.loads(done.stdout)["plugins"]
+@pytest.mark.usefixtures("installed")
+def test_the_listing_has_what_a_package_of_one_integrator_replaces():
+    (found,) = json.loads(sparsemor("plugins", "radau_iia", "--json").out)["plugins"]
     assert found["distribution"] == "sparsemor-radau" and found["broken"] == ""
     assert found["required"] == ["order", "rules(h)"]
     assert [own["name"] for own in found["own"]] == ["advance(solve, step)"]
 
 
-def test_the_schema_completes_it_and_leaves_the_broken_one_out(third_party):
-    schema = json.loads(run(third_party, "-c", (
-        "import json; from sparsemor.plugins.commands.json_schema import scene_schema; "
-        "print(json.dumps(scene_schema()))")).stdout)
+@pytest.mark.usefixtures("installed")
+def test_the_schema_completes_it_and_leaves_the_broken_one_out():
+    schema = json.loads(sparsemor("schema", code=0).out)
     names = {c["const"] for c in schema["$defs"]["slot.sampler"]["anyOf"] if "const" in c}
     assert "every_nth" in names and "broken" not in names
 
@@ -65,11 +68,11 @@ def test_its_law_test_passes(third_party, tmp_path, own):
     assert done.returncode == 0, done.stdout
 
 
-def test_all_of_its_plugins_work(third_party):
-    """Nothing of it is broken, and each description is a sentence."""
-    done = command(third_party, "plugins", "--json")
-    found = {(p["kind"], p["name"]): p for p in json.loads(done.stdout)["plugins"]
-             if p["distribution"] == "sparsemor-sample"}
+@pytest.mark.usefixtures("installed")
+def test_all_of_its_plugins_work():
+    """Nothing of it is broken."""
+    found = {(p["kind"], p["name"]): p for p in json.loads(sparsemor("plugins", "--json").out)[
+        "plugins"] if p["distribution"] == "sparsemor-sample"}
     assert set(found) == {
         ("body", "ring"), ("joint", "gear"), ("load", "spring"), ("load", "contact_resistance"),
         ("load", "calm_air"), ("material", "alloy"), ("check", "idle"), ("normal_law", "power_law"),
@@ -79,27 +82,29 @@ def test_all_of_its_plugins_work(third_party):
     assert not any(p["broken"] for p in found.values())
 
 
-def test_its_command_is_one_of_the_program(third_party):
+@pytest.mark.usefixtures("installed")
+def test_its_command_is_one_of_the_program():
     """It is called and refused as core's own are."""
     scene = str(SAMPLE / "scenes" / "plate.yaml")
-    done = command(third_party, "span", scene)
-    assert (done.returncode, done.stderr) == (0, "") and json.loads(done.stdout)
+    done = sparsemor("span", scene)
+    assert (done.code, done.err) == (0, "") and json.loads(done.out)
     for arguments, fault in ((("no_such",), "no packaged scene"),
                              ((scene, "--block", "no"), "no block")):
-        refused = command(third_party, "span", *arguments)
-        assert (refused.returncode, refused.stdout) == (2, "")
-        assert fault in refused.stderr and len(refused.stderr.splitlines()) == 1
+        refused = sparsemor("span", *arguments)
+        assert (refused.code, refused.out) == (2, "")
+        assert fault in refused.err and len(refused.lines) == 1
 
 
-def test_a_broken_command_says_so_in_one_line_and_hides_no_other(third_party):
-    done = command(third_party, "broken", "some", "--thing", "3")
+def test_a_broken_command_says_so_in_one_line_and_hides_no_other(third_party, installed):
+    """Also as a process."""
+    done = run(third_party, "-m", "sparsemor", "broken", "some", "--thing", "3")
     assert (done.returncode, done.stdout) == (2, "") and len(done.stderr.splitlines()) == 1
     assert "sparsemor-broken 0.1.0 cannot be imported (ModuleNotFoundError" in done.stderr
-    shown = command(third_party, "--help").stdout
+    shown = sparsemor("--help").out
     assert all(f"│ {name} " in shown for name in ("run", "reproduce", "span", "broken"))
     assert "BROKEN: " in shown and shown.count("│ run ") == 1
     found = {p["use"]: p for p in json.loads(
-        command(third_party, "plugins", "command", "--json").stdout)["plugins"]}
+        sparsemor("plugins", "command", "--json").out)["plugins"]}
     assert "No module named" in found["broken"]["broken"]
     assert not found["run"]["broken"] and found["run"]["distribution"] == "sparsemor"
     assert found["span"]["doc"].startswith("Print the largest") and not found["span"]["broken"]

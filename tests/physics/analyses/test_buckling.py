@@ -25,8 +25,8 @@ def test_a_column_clamped_at_one_end(strains: str) -> None:
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("strains", ["linear", "nonlinear"])
-@pytest.mark.parametrize("ends, factor", [("pinned", 1.0), ("guided", 1.0), ("propped", 2.0457)])
+@pytest.mark.parametrize("ends, strains, factor", [
+    ("pinned", "nonlinear", 1.0), ("guided", "linear", 1.0), ("propped", "nonlinear", 2.0457)])
 def test_columns_with_other_ends(strains: str, ends: str, factor: float) -> None:
     """Both ends pinned; clamped, with the other end guided or pinned."""
     guide = {"pinned": {"y": 0.0}, "guided": {"y": None, "angle": 0.0}, "propped": {"y": 0.0}}[ends]

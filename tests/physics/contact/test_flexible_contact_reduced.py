@@ -119,39 +119,6 @@ def initial(run: March) -> Any:
     return consistent_state(run.model)
 
 
-def test_facets_left_out_cannot_touch() -> None:
-    """Wherever the list holds, what it gives is what all facets give; beyond its margin it does not
-    hold, nor where a step came from too far."""
-    term, x, v = followed(pushed(18))
-    rng, near = np.random.default_rng(2), term.near(x[10])
-    c1, none = np.full(x.shape[1], 1.0 / STEP), np.zeros(x.shape[1])
-    seen = 0
-    for size in (1e-6, 1e-5, 1e-4):
-        for _ in range(20):
-            there = x[10] + size * rng.standard_normal(x.shape[1]) * np.abs(x).max(axis=0) / 1e-4
-            if not near.holds(there):
-                continue
-            seen += 1
-            for whole, part in (
-                (term.residual(there, v[10], none, 0.0), near.residual(there, v[10], none, 0.0)),
-                (term.jacobian(there, v[10], none, 0.0, c1, none),
-                 near.jacobian(there, v[10], none, 0.0, c1, none)),
-            ):
-                assert np.abs(whole - part).max() <= 1e-13 * np.abs(whole).max()
-            one, other = (t.check_step(there, v[10], 0.0, STEP) for t in (term, near))
-            assert one == other
-    assert seen > 20
-    far = x[10] + np.where(np.arange(x.shape[1]) == 0, 1.01 * term.margin, 0.0)
-    assert not near.holds(far) and near.holds(x[11])
-    assert term.near(x[10] + np.where(np.arange(x.shape[1]) == 1, SIDE, 0.0)).some is None
-    reach, down = term.term.term.reach, np.where(np.arange(x.shape[1]) == 1, 1.0, 0.0)
-    deep = x[10] - 1.05 * reach * down
-    for share in (0.1, 2.0):  # of half a facet in the step: told by the list, and by all facets
-        speed = v[10] - share * reach / STEP * down
-        one, other = (t.check_step(deep, speed, 0.0, STEP) for t in (near, term))
-        assert one == other != ""
-
-
 # --------------------------------------------------------------------------- its history
 
 HISTORIES = {"normal", "friction", "power", "length", "pressure"}

@@ -1,7 +1,6 @@
 """Contact on deformed surfaces in space inside the step, at full order and reduced."""
 
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,8 +8,6 @@ import pytest
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.scene.scene import Scene
-from sparsemor.core.simulation.cache import Cache
-from sparsemor.core.simulation.simulate import simulate
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
 from sparsemor.reducers.step.coupled_reduced import ReducedGeneral
 
@@ -103,16 +100,3 @@ def test_a_reduced_run_repeats_its_training(reducer: dict[str, Any]) -> None:
         assert error < (1e-4 if b.field == "multiplier" else 1e-5), (b.name, error)
 
 
-@pytest.mark.full
-def test_a_run_without_stage_keeps_the_history_of_its_contact(tmp_path: Path) -> None:
-    """The same interface as for a rigid stage and in the plane."""
-    run = simulate(scene(steps=3), out=tmp_path / "run", cache=Cache(tmp_path))
-    (sole,) = run.contacts().values()
-    assert set(sole) == {"time", "normal", "friction", "power", "area", "pressure"}
-    assert len(sole["time"]) == 4
-    assert sole["normal"][0] == pytest.approx(PRESSURE * 0.02**2, rel=1e-9)  # pressed in by 1 um
-    assert sole["area"][0] == pytest.approx(0.02**2, rel=1e-9)
-    np.testing.assert_allclose(sole["friction"][1:], MU * sole["normal"][1:], rtol=2e-3)
-    _, _, z, _ = forces(full())[full().model.layout["block.rigid"]]
-    whole = simulate(scene(), out=tmp_path / "whole", cache=Cache(tmp_path)).contacts()
-    assert next(iter(whole.values()))["normal"][-1] == pytest.approx(z, rel=0.01)

@@ -6,16 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sparsemor import compare, load, simulate
-from sparsemor.core import ReducedProblem
+from sparsemor import load, simulate
 from sparsemor.core.registry.hooks import new_manager
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.stages_before_steps import prepared
 from sparsemor.core.status import SolveFailed
-from sparsemor.plugins.stability.survey import survey
-from sparsemor.plugins.stability.variants import SurveyPlan
 
 pytestmark = pytest.mark.full
 
@@ -78,34 +74,6 @@ def test_the_contact_carries_the_load_and_heats_both_bodies(full):
     assert stage is not None
     rubbed = h * float(stage.contacts["sole"]["power"][1:].sum())
     assert abs(held / rubbed - 1) < 1e-6
-
-
-def test_a_step_does_not_grow_with_the_loaded_surface(cache):
-    """One row of a table that is as wide as the block has unknowns, however many nodes it has."""
-    widths, nodes = [], []
-    for divisions in ([12, 5], [24, 5]):
-        scene = load(SLIDER, {
-            "bodies.plate.mesh.divisions": divisions, "time.end": 1.5e-4, "training.end": 1.5e-4,
-            "reducer": {"use": "galerkin", "basis": {"use": "pod", "count": 8}}})
-        model, offline = prepared(scene, cache, new_manager())
-        solver: Any = scene.reducer.prepare(ReducedProblem(
-            model, scene.integrator, scene.time.step, offline, np.random.default_rng(0)))
-        known = [*(rows.table for rows in solver.mechanics.equations.prescribed_bodies),
-                 *(b.prescribed for b in solver.heat.values())]
-        widths.append([k.rows.shape for k in known])
-        nodes.append([t.columns.shape[1] for b in model.separated.heat for t in b.tables])
-    assert widths[0] == widths[1]
-    assert len(widths[0]) == 4
-    assert nodes[1][1] > 1.5 * nodes[0][1]
-
-
-def test_comparison_and_survey_of_a_two_stage_scene(full, cache):
-    scene: Scene = load(SLIDER, {"reducer": SPARSE | {"basis": {"use": "pod", "count": 12}}})
-    shown = compare(reference=full, sparse=simulate(scene, cache=cache))
-    assert "slider.elastic" in str(shown)
-    table = survey(scene, SurveyPlan(seeds=1, samplers=("deim",)), cache=cache)
-    (entry,) = table.entries
-    assert entry.stable == 1
 
 
 def test_both_stages_have_their_own_error_controlled_steps(cache):

@@ -10,18 +10,16 @@ import numpy as np
 import pytest
 from scipy.sparse.linalg import spsolve
 
-from facet_normals import facet_normals
 from sparsemor.bodies.fem import elasticity, element_matrices, integrals
-from sparsemor.bodies.fem.integrals import lumped, on_cells, on_facets
+from sparsemor.bodies.fem.integrals import on_facets
 from sparsemor.bodies.fem.quadratic_cells import with_midpoints
 from sparsemor.bodies.fem.stress import CellStress
 from sparsemor.bodies.material import Isotropic
 from sparsemor.bodies.mesh.mesh_checks_and_repairs import check_mesh
 from sparsemor.bodies.mesh.mesh_file import MeshFile
-from sparsemor.bodies.mesh.set_centres import centre_of_set
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.model.facets import cell_facets, linear_surface, outer_facets
+from sparsemor.core.model.facets import linear_surface, outer_facets
 from sparsemor.core.protocols.cells import KINDS, by_kind
 from sparsemor.core.protocols.mesh import Mesh
 from tiers import quick
@@ -107,23 +105,6 @@ def test_linear_fields_have_exact_integrals(linear: Mesh, order: int) -> None:
     for cell, local in zip(mesh.nodes, whole, strict=True):
         np.add.at(again, np.ix_(cell, cell), local)
     np.testing.assert_allclose(again, K.toarray(), atol=1e-13)
-
-
-def test_every_kind_is_ordered_as_it_says(linear: Mesh) -> None:
-    """Facets look outwards, turns are positive, the surface is closed."""
-    d = linear.dimension
-    X = linear.points
-    facets, owner = cell_facets(linear.cells, d)
-    middles = np.array([X[np.unique(c)].mean(axis=0) for c in linear.cells])
-    out = X[facets].mean(axis=1) - middles[owner]
-    assert (np.sum(facet_normals(linear, facets) * out, axis=1) > 0.0).all()
-    for mesh in (linear, with_midpoints(linear)):
-        a = mesh.points[linear_surface(mesh.nodes, d)]
-        size = np.linalg.det(a).sum() / (2.0 if d == 2 else 6.0)
-        assert size == pytest.approx(np.prod(np.ptp(X, axis=0)), rel=1e-12)
-    centre = centre_of_set(linear, linear.point_sets["right"], name="right").point
-    np.testing.assert_allclose(centre, [1.0, 0.3, 0.2][:d], atol=1e-12)
-    assert sum(len(own) for _, own in by_kind(linear.cells, d)) == len(linear.cells)
 
 
 def test_files_of_every_kind_are_read(linear: Mesh, tmp_path: Path) -> None:
@@ -393,12 +374,3 @@ def test_tetrahedra_on_a_face_of_a_hexahedron_are_refused() -> None:
         check_mesh(Mesh(X, cells))
 
 
-def test_points_at_the_nodes_have_the_weights_of_lumped_matrices(linear: Mesh) -> None:
-    mesh = sheared(linear)
-    found = np.zeros(len(mesh.points))
-    for _, at in on_cells(mesh, 3, at_nodes=True):
-        np.testing.assert_allclose(at.coordinates.transpose(1, 2, 0), mesh.points[at.shape.nodes],
-                                   atol=1e-14)
-        np.add.at(found, at.shape.nodes, at.weights)
-    np.testing.assert_allclose(
-        found, lumped(integrals.scalar_mass(mesh, 1.0)).diagonal(), rtol=1e-12)

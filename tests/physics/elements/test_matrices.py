@@ -247,36 +247,3 @@ def test_matrices_of_ansys(tmp_path: Path) -> None:
     np.testing.assert_allclose(found, [1283.200, 1283.200, 5781.975, 6919.399], rtol=1e-6)
 
 
-@pytest.mark.full
-@pytest.mark.parametrize("reducer", [
-    {"use": "full"}, {"use": "galerkin", "basis": {"use": "modal", "count": 12}}], ids=str)
-def test_a_crank_with_a_rod_of_calculix_is_that_with_its_mesh(reducer: dict[str, Any]) -> None:
-    """M and K of CalculiX, and the same input file as a mesh: two hexahedra."""
-    mesh = {"use": "file", "path": str(SCENES / "matrices" / "bar.inp"), "scale": 1e-3}
-    flexible = {"use": "flexible", "mesh": mesh, "order": 1, "fields": ["elastic"],
-                "reference": {"clamp": "Left"}, "material": {"E": 2.1e11, "nu": 0.3, "rho": 7850}}
-    pose = {"position": [0.05, -0.01, -0.01], "velocity": [0.0, 5.0, 0.0],
-            "spin": [0.0, 0.0, -25.0]}
-    point = {"use": "rigid", "inertia": [1e-4, 1e-4, 1e-4]}
-    paths = []
-    for rod in (flexible, BAR):
-        got = march(scene_of({
-            "bodies": {
-                "crank": {**point, "mass": 0.3, "pose": {"spin": [0.0, 0.0, 100.0]},
-                          "points": {"hub": [0.0, 0.0, 0.0], "pin": [0.05, 0.0, 0.0]}},
-                "rod": {**rod, "damping": {"ratio": 0.02, "modes": 4}, "pose": pose},
-                "piston": {**point, "mass": 0.2, "points": {"pin": [0.0, 0.0, 0.0]},
-                           "pose": {"position": [0.25, 0.0, 0.0]}}},
-            "joints": {
-                "hub": {"use": "revolute", "between": ["ground", "crank:hub"], "axis": [0, 0, 1]},
-                "big": {"use": "spherical", "between": ["crank:pin", "rod:Left"]},
-                "small": {"use": "spherical", "between": ["rod:Right", "piston:pin"]},
-                "guide": {"use": "prismatic", "between": ["ground", "piston:pin"],
-                          "axis": [1, 0, 0]}},
-            "probes": {"tip": {"body": "rod", "at": "Right"}}, "reducer": reducer,
-            "time": {"end": 0.01, "step": 2e-4}}))
-        u, probe = got.block("rod.elastic"), got.model.probes[0]
-        if "rod.elastic" in got.solver.dictionaries:
-            u = u @ got.solver.dictionaries["rod.elastic"].atoms.T
-        paths.append(np.hstack([got.block("rod.rigid"), u @ probe.displacement[:, [0, 2, 1]]]))
-    same(paths[0], paths[1])

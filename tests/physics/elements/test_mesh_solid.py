@@ -18,7 +18,7 @@ from sparsemor.bodies.mesh.generators.pad import Pad, pad_outline
 from sparsemor.bodies.mesh.mesh_checks_and_repairs import check_mesh
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import InputError
-from sparsemor.core.model.facets import cell_facets, group_equal_rows, outer_facets
+from sparsemor.core.model.facets import outer_facets
 from sparsemor.core.protocols.mesh import Mesh
 
 
@@ -238,13 +238,3 @@ def test_an_outline_that_the_triangles_cannot_follow_is_refused() -> None:
         plan_mesh(slit, 15)
 
 
-@pytest.mark.parametrize("width", [2, 3, 4])
-def test_distinct_rows_are_those_of_numpy(width: int) -> None:
-    rows = np.random.default_rng(width).integers(0, 5, (300, width))
-    number, first, count = group_equal_rows(rows)
-    _, first_, number_, count_ = np.unique(
-        rows, axis=0, return_index=True, return_inverse=True, return_counts=True)
-    np.testing.assert_array_equal(number, number_.reshape(-1))
-    np.testing.assert_array_equal(first, first_)
-    np.testing.assert_array_equal(count, count_)
-    assert len(cell_facets(np.array([[0, 1, 2, 3]]), 3)[0]) == 4

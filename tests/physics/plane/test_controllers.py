@@ -54,7 +54,7 @@ def test_integral_action_removes_the_error_of_a_constant_load() -> None:
     torque = {"use": "pid", "sensor": "a.rigid.angle", "target": 0.5, "kp": 2.0, "ki": 4.0,
               "kd": 0.3}
     loads = {"load": {"use": "torque", "on": "a:p", "torque": -0.7}}
-    run = simulate(load(rotor(torque, 0.005, 8.0, loads=loads)))
+    run = simulate(load(rotor(torque, 0.01, 8.0, loads=loads)))
     assert run.block("a.rigid")[-1, 2] == pytest.approx(0.5, abs=1e-4)
 
 

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.full
 def heated() -> March:
     return march(load("double_pendulum", {
         "bodies.link1.capacity": "consistent", "bodies.link2.capacity": "consistent",
-        "reducer": "full"}))
+        "reducer": "full", "time.end": 2.4}))
 
 
 def at(run: March, times: list[float]) -> list[int]:
@@ -35,36 +35,35 @@ def angles(run: March, times: list[float]) -> FloatArray:
 
 
 def test_angles(heated: March) -> None:
-    table = [(-153.0813, -146.0835), (-94.3823, -96.7524), (-13.1448, -61.3529),
-             (-157.5868, -253.3396)]
-    np.testing.assert_allclose(angles(heated, [1, 2, 3, 4]), table, rtol=0, atol=1e-3)
+    table = [(-153.0813, -146.0835), (-94.3823, -96.7524)]
+    np.testing.assert_allclose(angles(heated, [1, 2]), table, rtol=0, atol=1e-3)
 
 
 @pytest.mark.parametrize("link", LINKS)
 def test_hottest_point(heated: March, link: str) -> None:
-    rows = heated.block(f"{link}.thermal")[at(heated, [1.0, 2.332, 3.73, 4.0])]
-    np.testing.assert_allclose(rows.max(axis=1), [535.45, 666.14, 765.89, 782.81], atol=0.2)
+    rows = heated.block(f"{link}.thermal")[at(heated, [1.0, 2.332])]
+    np.testing.assert_allclose(rows.max(axis=1), [535.45, 666.14], atol=0.2)
 
 
 @pytest.mark.parametrize("link", LINKS)
 def test_largest_displacement(heated: March, link: str) -> None:
-    rows = heated.block(f"{link}.elastic")[at(heated, [1.0, 2.332, 3.73, 4.0])]
+    rows = heated.block(f"{link}.elastic")[at(heated, [1.0, 2.332])]
     body: Any = heated.model.parts[link]
-    u = np.zeros((4, 2 * len(body.X)))
+    u = np.zeros((2, 2 * len(body.X)))
     u[:, body.elasticity.free] = rows
-    size = np.linalg.norm(u.reshape(4, -1, 2), axis=2)
-    np.testing.assert_allclose(1e3 * size.max(axis=1), [0.928, 2.021, 3.077, 3.273], rtol=0.01)
-    x, y = body.mesh.points[size[3].argmax()]
+    size = np.linalg.norm(u.reshape(2, -1, 2), axis=2)
+    np.testing.assert_allclose(1e3 * size.max(axis=1), [0.928, 2.021], rtol=0.01)
+    x, y = body.mesh.points[size[1].argmax()]
     assert x == pytest.approx(1.085) and y == pytest.approx(0.085)
 
 
 def test_heat_that_came_in_is_heat_that_is_there(heated: March) -> None:
-    """1e6 W/m^2 over 1.17 m x 0.03 m during 4 s."""
+    """1e6 W/m^2 over 1.17 m x 0.03 m during 2.4 s."""
     model = heated.model
     for h in model.separated.heat:
         T = heated.block(h.thermal)
         stored = float(np.ones(T.shape[1]) @ (h.capacity @ (T[-1] - T[0])))
-        assert stored == pytest.approx(1e6 * 1.17 * 0.03 * 4.0, rel=1e-9)
+        assert stored == pytest.approx(1e6 * 1.17 * 0.03 * 2.4, rel=1e-9)
 
 
 @pytest.mark.slow

@@ -8,14 +8,10 @@ import pytest
 from joint_runs import ALPHA, BAR, driven, moved, run
 from reduced_runs import decoded, learnt
 from sparsemor import simulate
-from sparsemor.bodies.frames.attitude import vector_rates, velocity_at
-from sparsemor.bodies.frames.rotation import across
-from sparsemor.bodies.frames.springs import Angle, Length, PlaneAngle, RelativeItem, linear
 from sparsemor.bodies.joints.springs import RotationalSpring, SpringDamper
 from sparsemor.bodies.loads.point_loads import Torque
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.assembly import assemble
-from sparsemor.core.protocols.poses import vectors_in_space
 from sparsemor.core.testing import check_joint, check_load
 from sparsemor.core.testing.in_memory_run import March, march, scene_of
 from sparsemor.plugins.charts.time_histories import joint_forces_figure
@@ -215,67 +211,6 @@ def test_a_torque_needs_components_of_the_dimension() -> None:
 
 
 # --------------------------------------------------------------------------- recorded forces
-
-
-@pytest.mark.full
-@pytest.mark.parametrize("others", [0, 3, 7, 4])
-def test_recorded_forces_are_the_ones_that_act(others: int) -> None:
-    """Along random motion: a spring of stiffness 1 measures its length or angle, a damper of
-    damping 1 the rate of that, and the power of its forces is force times rate."""
-    rng = np.random.default_rng(others)
-    d = 2 if others in (0, 3) else 3
-
-    def motion(h: float) -> list[tuple[Any, Any]]:
-        found = []
-        for pose, rate in moving:
-            if pose.shape[1] == 7:
-                pose = pose + h * rate
-                pose[:, 3:] /= np.linalg.norm(pose[:, 3:])
-                found.append((pose, rate))
-            else:
-                found.append((pose + h * rate, rate))
-        return found
-
-    moving = []
-    for n in (3 if d == 2 else 7, others or 3):
-        pose, rate = rng.normal(size=(2, 1, n))
-        if n == 7:
-            pose[:, 3:] /= np.linalg.norm(pose[:, 3:])
-            rate[:, 3:] -= pose[:, 3:] * (pose[:, 3:] * rate[:, 3:]).sum()
-        moving.append((pose, rate if n != 3 or others else 0 * rate))
-    still = moving[1][0][0]
-    point, base = rng.normal(size=(2, d))
-    axes = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-    t, h = np.zeros(1), 1e-6
-
-    def item(k: float, c: float, f: float, spins: bool) -> Any:
-        coordinate = Length(others, still, point, base) if not spins else (
-            PlaneAngle(others, still, 0.0) if d == 2 else
-            Angle(others, still, *axes, moving[0][0][0, 3:]))
-        return RelativeItem(coordinate, linear(k, c), drive=lambda t: f)
-
-    for spins in (False, True):
-        ahead, back = (item(1, 0, 0, spins).along(t, *motion(s))[0][0] for s in (h, -h))
-        rate = item(0, 1, 0, spins).along(t, *moving)[0][0]
-        assert rate == pytest.approx((ahead - back) / (2 * h), rel=1e-7)
-        _, wrench = item(0, 0, 3.0, spins).along(t, *moving)
-        power = 0.0
-        for sign, (pose, v), z in zip((1, -1), moving, (point, base), strict=True):
-            power += sign * float(wrench[0, :d] @ velocity_at(pose[0], v[0], z))
-            for m, e in zip(wrench[0, d:], np.eye(3) if d == 3 else [None], strict=True):
-                if e is None:
-                    power += sign * m * v[0, 2]
-                else:  # w . e of the frame: of two vectors across it
-                    a, b = (vectors_in_space(pose, x)[0] for x in across_in(pose, e))
-                    power += sign * m * float(b @ vector_rates(pose, v, across_in(pose, e)[0])[0])
-        assert power == pytest.approx(3.0 * rate, rel=1e-9)
-
-
-def across_in(pose: Any, e: Any) -> tuple[Any, Any]:
-    """Two vectors in the axes of a frame that are across the direction e of space, a x b = e."""
-    A = np.stack([vectors_in_space(pose, u)[0] for u in np.eye(3)], axis=1)
-    a, b = across(e)
-    return A.T @ a, A.T @ b
 
 
 @pytest.mark.full

@@ -17,7 +17,6 @@ SMALL: dict[str, dict[str, Any]] = {
     "hot_plate": {"bodies.plate.mesh.divisions": [20, 4], "time.end": 100.0},
     "hot_pendulum": {"bodies.link1.mesh.elements": 320, "bodies.link2.mesh.elements": 320,
                      "time.end": 0.06}}
-REDUCERS = ("galerkin", "deim", "ecsw", "sparse")
 
 
 @cache
@@ -42,8 +41,9 @@ def errors(run: March, reference: March) -> float:
     return max(found)
 
 
-@pytest.mark.parametrize("reducer", REDUCERS)
-@pytest.mark.parametrize("name", SMALL)
+@pytest.mark.parametrize("name, reducer", [
+    ("hot_plate", "galerkin"), ("hot_plate", "ecsw"), ("hot_pendulum", "deim"),
+    ("hot_pendulum", "sparse")])
 def test_reduced_models_of_hot_scenes(name: str, reducer: str) -> None:
     snapshots = learnt(full(name)[0])
     own = scenes(name)[1].dump()["reducer"]

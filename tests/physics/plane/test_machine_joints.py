@@ -309,7 +309,7 @@ def test_stop_and_friction_of_a_flexible_bar_in_reduced_and_kept_models(
     want = simulate(scene_of(swing(dimension, "full"))).probe("tip")
     size = float(np.ptp(want[:, 1]))
     assert want[-1, 1] > want[:, 1].min() + 1e-3  # it came back from the stop
-    for use in ("sparse", "deim") if dimension == 2 else ("galerkin", "ecsw"):
+    for use in ("sparse", "deim") if dimension == 2 else ("ecsw",):
         run = simulate(scene_of(swing(dimension, {"use": use, "compiled": "off"}))).probe("tip")
         np.testing.assert_allclose(run[:, :2], want[:, :2], atol=5e-3 * size, err_msg=use)
     model = reduce(scene_of(swing(dimension, {"use": "galerkin", "compiled": "off"})))

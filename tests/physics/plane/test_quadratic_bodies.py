@@ -1,6 +1,5 @@
-"""Bodies of quadratic elements: frames, loads, joints, reduced models, export, refusals."""
+"""Bodies of quadratic elements: laws of their parts, radiation, files, refusals."""
 
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +7,7 @@ import meshio
 import numpy as np
 import pytest
 
-from sparsemor import InputError, compare, export, load, open_result, simulate
+from sparsemor import InputError, load
 from sparsemor.bodies.fem.quadratic_cells import with_midpoints
 from sparsemor.bodies.floating_body import FloatingBody
 from sparsemor.bodies.mesh.generators.block import BlockMesh
@@ -17,11 +16,9 @@ from sparsemor.bodies.mesh.mesh_file import MeshFile
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.model.facets import linear_surface, outer_facets, plane_triangles
 from sparsemor.core.protocols.mesh import Mesh
-from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.testing import check_parts
-from sparsemor.core.testing.in_memory_run import March, march, scene_of
-from tiers import quick
+from sparsemor.core.testing.in_memory_run import scene_of
 
 SCENES = Path(__file__).parents[2] / "scenes"
 SPACE = {
@@ -51,14 +48,6 @@ def in_space(**more: Any) -> Scene:
         "loads": LOADS, "time": {"end": 0.004, "step": 1e-3}, **more})
 
 
-def the(run: March, name: str) -> FloatingBody:
-    body = run.model.parts[name]
-    assert isinstance(body, FloatingBody)
-    return body
-
-
-# ---------------------------------------------------------------------- contracts and frames
-
 @pytest.mark.full
 def test_parts_of_a_plane_scene_keep_their_laws() -> None:
     check_parts(tiny(), trials=1)
@@ -67,35 +56,6 @@ def test_parts_of_a_plane_scene_keep_their_laws() -> None:
 @pytest.mark.full
 def test_parts_of_a_scene_in_space_keep_their_laws() -> None:
     check_parts(in_space(), trials=1)
-
-
-@pytest.mark.full
-@pytest.mark.parametrize("d", quick([2, 3], 2))
-def test_a_rotor_blade_stretches_as_the_closed_form_says(d: int) -> None:
-    """u(x) = rho w^2 (L^2 x / 2 - x^3 / 6) / E along a bar without lateral contraction."""
-    L, speed, E, rho = 0.5, 60.0, 1e9, 2000.0
-    mesh = ({"use": "rectangle", "lower": [0, -0.02], "size": [L, 0.04], "divisions": [4, 1]}
-            if d == 2 else {"use": "block", "lower": [0, -0.02, -0.02], "size": [L, 0.04, 0.04],
-                            "divisions": [4, 1, 1]})
-    bar = {"use": "flexible", "order": 2, "mesh": mesh, "fields": ["elastic"],
-           "material": {"E": E, "nu": 0.0, "rho": rho}, "reference": {"clamp": "left"},
-           "pose": {"spin": speed if d == 2 else [0.0, 0.0, speed]}}
-    hub = {"use": "revolute", "between": ["ground", "bar:left"]}
-    run = march(scene_of({
-        "bodies": {"bar": {**bar, "thickness": 0.04} if d == 2 else bar},
-        "joints": {"hub": hub if d == 2 else {**hub, "axis": [0, 0, 1]}},
-        "time": {"end": 0.02, "step": 1e-3}, "integrator": "bdf1"}))
-    body = the(run, "bar")
-    assert body.elasticity is not None
-    u = np.zeros(d * len(body.X))
-    u[body.elasticity.free] = run.block("bar.elastic")[-1]
-    x = body.X[:, 0]
-    rates = run.v[-1, run.model.layout["bar.rigid"]]
-    spin = rates[2] if d == 2 else 2.0 * np.linalg.norm(rates[3:])  # of a unit quaternion
-    assert spin == pytest.approx(speed, rel=0.03)
-    want = rho * spin**2 * (L * L * x / 2 - x**3 / 6) / E
-    middle = np.isclose(np.abs(body.X[:, 1:]).max(axis=1), 0.02)
-    np.testing.assert_allclose(u[::d][middle], want[middle], atol=0.01 * want.max())
 
 
 GLOW = {"use": "radiation", "on": ["bar:top", "bar:right"], "emissivity": 0.9,
@@ -126,89 +86,7 @@ def test_radiation_of_a_quadratic_temperature_is_exact(kind: str) -> None:
     assert found == pytest.approx(want, rel=1e-12)
 
 
-def kirchhoff_error(columns: int) -> float:
-    """Error of theta = integral of k dT, relative to its range, in steady conduction from 900 to
-    300 K with k = 20 + 0.04 (T - 300) W/(m K): theta is linear along the slab."""
-    slab = {"use": "flexible", "order": 2, "frame": "fixed", "fields": ["thermal"],
-            "thickness": 0.02, "reference_temperature": 300.0,
-            "mesh": {"use": "rectangle", "size": [0.1, 0.01], "divisions": [columns, 1]},
-            "material": {"rho": 1000.0, "c": 500.0, "k": {
-                "polynomial": [20.0, 0.04], "origin": 300.0, "range": [200.0, 2000.0]}}}
-    held = {side: {**COLD, "on": [f"slab:{side}"], "temperature": T}
-            for side, T in (("left", 900.0), ("right", 300.0))}
-    run = march(scene_of({"bodies": {"slab": slab}, "joints": held,
-                          "time": {"end": 4e7, "step": 1e7}}))
-    body = the(run, "slab")
-    assert body.heat is not None
-    T = run.block("slab.thermal")[-1] - 300.0
-    want = (20.0 * 600.0 + 0.02 * 600.0**2) * (1.0 - body.X[body.heat.free, 0] / 0.1)
-    return float(np.abs(20.0 * T + 0.02 * T**2 - want).max() / want.max())
-
-
-@pytest.mark.full
-def test_conductivity_that_depends_on_temperature_follows_kirchhoff() -> None:
-    coarse, fine = kirchhoff_error(10), kirchhoff_error(20)
-    assert fine < 1e-5 and coarse > 4.0 * fine  # linear elements: 4e-5, a ratio of 3.4
-
-
-# ---------------------------------------------------------------------- reduced models
-
-REDUCED = {"basis": {"use": "pod", "count": 10}, "bases": {"*.thermal": {"use": "pod", "count": 7}}}
-REDUCERS: dict[str, dict[str, Any]] = {
-    "galerkin": {"use": "galerkin", **REDUCED},
-    "ecsw": {"use": "ecsw", "constant": "weighted", **REDUCED},
-    "deim": {"use": "deim", **REDUCED},
-    "sparse": {"use": "sparse", **REDUCED, "sampler": {"use": "lhs", "required": True},
-               "budgets": {"*.elastic": {"rows": 60, "atoms": 10},
-                           "*.thermal": {"rows": 30, "atoms": 7}}},
-}
-
-
-@cache
-def full() -> RunResult:
-    return simulate(tiny(reducer="full"))
-
-
-@pytest.mark.full
-@pytest.mark.parametrize("name", REDUCERS)
-def test_reduced_models_of_quadratic_bodies(name: str) -> None:
-    run = simulate(tiny(reducer=REDUCERS[name]))
-    errors = compare(reference=full(), run=run).errors["run"]
-    assert errors["elastic"] < 1e-4 and errors["thermal"] < 1e-5 and errors["rigid"] < 1e-6
-    if name == "ecsw":
-        touched = run.summary["elements_touched"]
-        assert 0 < touched["bar.elastic"] <= 32 and 0 < touched["bar.thermal"] < 32
-
-
 # ---------------------------------------------------------------------- files, export, refusals
-
-@pytest.mark.full
-@pytest.mark.parametrize("kind, form", [("plane", "vtu"), ("space", "xdmf")])
-def test_exported_cells_are_quadratic(kind: str, form: Any, tmp_path: Path) -> None:
-    scene = tiny(reducer="full", **{"time.end": 0.003}) if kind == "plane" else in_space()
-    run = simulate(scene, out=tmp_path / "run")
-    again = open_result(tmp_path / "run")
-    name = "triangle6" if kind == "plane" else "tetra10"
-    assert again.cells("bar").shape[1] == {"plane": 6, "space": 10}[kind]
-    done = export(again, tmp_path / form, form)
-    assert done.fields["bar"] == ("displacement", "temperature")
-    if form == "vtu":
-        file = next((tmp_path / form / "bar").glob("*.vtu"))
-        mesh = meshio.read(file)
-        assert np.array_equal(mesh.cells_dict[name], run.cells("bar"))
-        assert len(mesh.points) == len(run.points("bar"))
-    else:
-        with meshio.xdmf.TimeSeriesReader(tmp_path / form / "bar.xdmf") as reader:
-            assert reader is not None
-    from sparsemor.core.protocols.layout import Quantity
-    from sparsemor.plugins.charts.planar_fields import deformation_figure
-    from sparsemor.plugins.charts.surface_fields import surface_figures
-
-    if kind == "plane":
-        assert deformation_figure(run, Quantity.TEMPERATURE) is not None
-    else:
-        assert set(surface_figures(run, render=lambda _: None)) == {
-            "temperature_bar", "deformation_bar"}
 
 
 @pytest.mark.parametrize("linear", [

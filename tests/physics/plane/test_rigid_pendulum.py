@@ -43,13 +43,6 @@ def pendulum(
     return march(scene)
 
 
-def angles(run: March, times: list[float]) -> FloatArray:
-    """(len(times), 2) degrees."""
-    at = np.searchsorted(run.t, np.array(times) - 1e-9)
-    columns = [run.block(f"{b}.rigid")[at, 2] for b in ("link1", "link2")]
-    return np.asarray(np.degrees(np.stack(columns, axis=1)))
-
-
 def accelerations(q: FloatArray, w: FloatArray) -> FloatArray:
     """Lagrange's equations of the two angles, written independently of the package."""
     m, c, inertia = link()

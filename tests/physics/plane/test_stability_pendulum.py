@@ -16,7 +16,6 @@ from sparsemor.core.simulation.training import train
 from sparsemor.core.testing.in_memory_run import scene_of
 from sparsemor.plugins.stability.spectrum import (
     eigenvalues,
-    exact_values,
     own_radii,
     own_values,
     radius,
@@ -148,17 +147,6 @@ def test_the_elastic_part_in_a_fixed_frame_is_that_of_its_rule(
     assert np.abs(squares.imag).max() < 1e-6 * np.abs(squares).max()
     slowest = np.sqrt(exact[0])
     assert own_radii(step)["bar.elastic"] == pytest.approx(modulus(slowest), abs=1e-6)
-
-
-def test_full_order_eigenvalues_are_those_of_the_dense_pencil() -> None:
-    model = assemble(bar(all_atoms()))
-    from scipy.linalg import eigh
-
-    for name, values in exact_values(model).items():
-        data = model.block_data(name)
-        dense = eigh(data.stiffness.toarray(), data.mass.toarray(), eigvals_only=True)
-        top = dense[len(values) - 1]
-        assert np.abs(values - dense[: len(values)]).max() < 1e-8 * top
 
 
 @pytest.mark.full

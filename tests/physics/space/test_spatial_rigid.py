@@ -79,24 +79,6 @@ def test_a_free_body_turns_as_jacobis_functions_say() -> None:
     assert np.log2(worst[0] / worst[1]) == pytest.approx(2.0, abs=0.05)
 
 
-@pytest.mark.parametrize(("integrator", "order"), [
-    ({"use": "bdf1"}, 1), ({"use": "bdf2"}, 2), ({"use": "generalized_alpha", "rho_inf": 0.0}, 2),
-    ({"use": "generalized_alpha", "rho_inf": 0.8}, 2)])
-def test_integrators_keep_their_order_on_rotations(
-    integrator: dict[str, Any], order: int
-) -> None:
-    """Attitude and rates, against a much finer run of the second-order rule."""
-    fine = free(2.5e-4, 2.0)
-    worst = []
-    for h in (4e-3, 2e-3):
-        got = free(h, 2.0, integrator)
-        worst.append([np.abs(turns(got, "body")[-1] - turns(fine, "body")[-1]).max(),
-                      np.abs(rates(got, "body")[-1] - rates(fine, "body")[-1]).max()])
-    observed = np.log2(np.array(worst[0]) / np.array(worst[1]))
-    np.testing.assert_allclose(observed, order, atol=0.15)
-    assert np.abs(np.linalg.norm(got.x[:, 3:7], axis=1) - 1).max() < 1e-14
-
-
 def conserved(x: FloatArray, v: FloatArray) -> tuple[float, float]:
     """Largest relative changes of energy and angular momentum; x, v (M, 7)."""
     w = np.array([2 * rot.to_body(p[3:]) @ dp[3:] for p, dp in zip(x, v, strict=True)])
