@@ -206,6 +206,7 @@ def _frame_forces(model: AssembledModel, body: MovingBody, times: FloatArray) ->
     if arrays is not None:
         gains = amplitudes_along(
             [f for f in arrays.amplitudes if f is not None], samples.ravel())
+        # samples (M - 1, SAMPLES): times in each step; one of them for constant amplitudes
         samples = samples[:1, :1] if (gains == gains[0]).all() else samples
     rigid = model.layout.frames
     y = body.origin + body.to_border[:, rigid] @ model.x0[rigid]

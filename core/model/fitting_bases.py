@@ -34,7 +34,7 @@ def fitted_bases(model: AssembledModel, reducer: Reducer) -> FittedBases:
 
 
 def _fitted(model: AssembledModel, reducer: Reducer) -> tuple[FittedBases, Reducer]:
-    """Bases of the blocks, and the reducer."""
+    """Bases of the blocks, as `fitted_bases` describes, and the reducer, which they keep alive."""
     chosen, found = reducer.trial_bases(), dict[str, Basis]()
     if chosen is None:
         return FittedBases(found), reducer

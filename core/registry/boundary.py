@@ -126,7 +126,8 @@ def _checked(function: FunctionType, protocol: type, protocol_method: Any) -> Fu
         """The method, with arrays among its arguments read-only. What it returns must be of the
         type `hint`, finite if so required, and pass `check`; if it is of a contract of its own
         (`returned_protocol`), its class is guarded. takes_data: True if an argument may have
-        arrays; fits_quickly: test that accepts usual values, `unfit` decides on all others."""
+        arrays; fits_quickly: test that accepts usual values, `unfit` decides on all others;
+        is_number: a float is wanted, which needs to be finite alone."""
         if takes_data:
             given = _all_read_only(given)
             if named:

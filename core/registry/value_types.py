@@ -123,6 +123,7 @@ def quick_test(hint: Any, finite: bool = True) -> Callable[[Any], bool]:
         return lambda v: type(v) is hint
     if is_protocol(hint):
         return lambda v: _has_members(type(v), hint)  # type: ignore[arg-type]
+    # a class whose instances hold no numbers that would have to be finite
     if isinstance(hint, type) and not issubclass(hint, _WITH_NUMBERS):
         return lambda v: isinstance(v, hint)
     of, inner = get_origin(hint), get_args(hint)

@@ -257,6 +257,7 @@ def _curvature(
     motion: step s of the finite difference along the motion, s.
     """
     found = np.zeros(body.frame.border - body.frame.rigid_size)
+    # derivative along the motion: sum of weight times value at s, a central difference
     for s, weight in along_motion(motion):
         moved = replace(state, x=state.x + s * state.v)
         found += weight * _moving(body, ops, y + s * v, v, moved)

@@ -317,6 +317,7 @@ def _curvature(equations: Reduced, x: FloatArray, v: FloatArray, t: float) -> Fl
         """Values g of the constraint rows of equations e, without prescribed ones."""
         return e.residual_at(x, zero, zero, time, prescribed=zero)[rows]
 
+    # derivative by s at 0: sum of weight times value at s, a central difference
     found = sum([weight * rate(equations, s, t)
                  for s, weight in along_motion(motion_step(layout, moving, h))])
     once, twice = (equations.time_derivative(n, t) for n in (1, 2))
