@@ -29,7 +29,7 @@ try:
     import typer
 
     from sparsemor.core.cli.commands import Commands
-    from sparsemor.core.cli.options_and_exit_codes import FAILED, INTERRUPTED
+    from sparsemor.core.cli.exit_codes import FAILED, INTERRUPTED
 except KeyboardInterrupt:  # Ctrl-C in the first half second, while all this is read
     sys.stderr.write("interrupted\n")
     raise SystemExit(130) from None

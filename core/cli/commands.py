@@ -15,7 +15,7 @@ import typer
 from typer.core import TyperGroup
 from typer.main import get_command
 
-from sparsemor.core.cli.options_and_exit_codes import exit_codes
+from sparsemor.core.cli.exit_codes import exit_codes
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry
 

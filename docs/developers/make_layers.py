@@ -18,7 +18,7 @@ ROLE = {
     "model/": "assembled equations, layout of unknowns, initial state",
     "results/": "result store, reader, error norms",
     "simulation/": "training, cache, time loop, checks before and after a run",
-    "cli/": "the program, options and exit codes of its commands",
+    "cli/": "the program, which finds its commands, and their exit codes",
     "testing/": "law kit: checks of plugins for their authors",
 }
 """Folders of core -> their content."""

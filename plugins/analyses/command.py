@@ -6,8 +6,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import typer
 
-from sparsemor.core.cli.completion import scene_names
-from sparsemor.core.cli.options_and_exit_codes import (
+from sparsemor.core.cli.exit_codes import print_json
+from sparsemor.core.errors import InputError
+from sparsemor.core.notes import Level, sentences
+from sparsemor.core.results.model_file import is_model_file
+from sparsemor.plugins.command_line.completion import scene_names
+from sparsemor.plugins.command_line.options import (
     Force,
     Json,
     Quiet,
@@ -19,14 +23,10 @@ from sparsemor.core.cli.options_and_exit_codes import (
     located_in,
     out_option,
     place_for_result,
-    print_json,
     progress,
     warn,
     words,
 )
-from sparsemor.core.errors import InputError
-from sparsemor.core.notes import Level, sentences
-from sparsemor.core.results.model_file import is_model_file
 
 if TYPE_CHECKING:
     from sparsemor.plugins.analyses.stored_solution import Solution

@@ -6,7 +6,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sparsemor.core.cli.options_and_exit_codes import (
+from sparsemor.core.cli.exit_codes import print_json
+from sparsemor.core.errors import InputError
+from sparsemor.core.results.files.written_files import require_ours
+from sparsemor.core.results.output_lock import owned
+from sparsemor.plugins.command_line.options import (
     At,
     Json,
     Quiet,
@@ -15,12 +19,8 @@ from sparsemor.core.cli.options_and_exit_codes import (
     located_in,
     part_of,
     path_of,
-    print_json,
     times_at,
 )
-from sparsemor.core.errors import InputError
-from sparsemor.core.results.files.written_files import require_ours
-from sparsemor.core.results.output_lock import owned
 
 if TYPE_CHECKING:
     from sparsemor.core.results.result_variables import Field

@@ -6,8 +6,9 @@ from typing import Annotated
 
 import typer
 
-from sparsemor.core.cli.options_and_exit_codes import Json, Quiet, located_in, print_json
+from sparsemor.core.cli.exit_codes import print_json
 from sparsemor.core.errors import InputError
+from sparsemor.plugins.command_line.options import Json, Quiet, located_in
 
 UNITS = {"": 1, "k": 10**3, "M": 10**6, "G": 10**9, "T": 10**12}
 

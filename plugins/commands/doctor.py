@@ -9,10 +9,11 @@ from collections.abc import Iterator
 from importlib import metadata
 from typing import Any
 
-from sparsemor.core.cli.options_and_exit_codes import Json, print_json
+from sparsemor.core.cli.exit_codes import print_json
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.plugin import OWN
 from sparsemor.core.registry.registry import Registry
+from sparsemor.plugins.command_line.options import Json
 
 DEVELOPMENT = {"test", "lint", "docs"}
 """Extras that no user needs."""

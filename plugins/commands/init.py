@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sparsemor.core.cli.options_and_exit_codes import Json, Quiet, located_in, path_of, print_json
+from sparsemor.core.cli.exit_codes import print_json
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry, suggestions
+from sparsemor.plugins.command_line.options import Json, Quiet, located_in, path_of
 
 if TYPE_CHECKING:
     from sparsemor.core import Mesh

@@ -9,10 +9,10 @@ from typing import Annotated
 
 import typer
 
-from sparsemor.core.cli.options_and_exit_codes import located_in, path_of
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry, suggestions
 from sparsemor.core.results.output_directory import OutputDirectory
+from sparsemor.plugins.command_line.options import located_in, path_of
 from sparsemor.plugins.commands.validate_schema_plugins import NO_CLASS
 
 TEMPLATES = Path(__file__).with_name("plugin_templates")

@@ -6,7 +6,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sparsemor.core.cli.options_and_exit_codes import (
+from sparsemor.core.cli.exit_codes import print_json
+from sparsemor.core.errors import InputError
+from sparsemor.core.notes import folded
+from sparsemor.core.results.error_norms import LIMIT
+from sparsemor.core.results.model_file import is_model_file
+from sparsemor.core.scene.overrides import parse_settings
+from sparsemor.plugins.command_line.options import (
     Force,
     Json,
     Quiet,
@@ -19,15 +25,9 @@ from sparsemor.core.cli.options_and_exit_codes import (
     located_in_settings,
     out_option,
     place_for_result,
-    print_json,
     progress,
     warn,
 )
-from sparsemor.core.errors import InputError
-from sparsemor.core.notes import folded
-from sparsemor.core.results.error_norms import LIMIT
-from sparsemor.core.results.model_file import is_model_file
-from sparsemor.core.scene.overrides import parse_settings
 
 if TYPE_CHECKING:
     from sparsemor.plugins.kept_models.reduced_model import ReducedModel

@@ -11,22 +11,21 @@ import typer
 from pydantic import BaseModel
 
 from sparsemor.core.cli.commands import GROUP, function_of
-from sparsemor.core.cli.completion import plugin_names
-from sparsemor.core.cli.options_and_exit_codes import (
-    Json,
-    SceneName,
-    Settings,
-    exit_codes,
-    load_with,
-    located_in,
-    print_json,
-    warn,
-)
+from sparsemor.core.cli.exit_codes import exit_codes, print_json
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.registry.contracts import CONTRACTS, chosen, required, shape
 from sparsemor.core.registry.registry import PluginName, Registry, suggestions
 from sparsemor.core.scene.source import Source
+from sparsemor.plugins.command_line.completion import plugin_names
+from sparsemor.plugins.command_line.options import (
+    Json,
+    SceneName,
+    Settings,
+    load_with,
+    located_in,
+    warn,
+)
 from sparsemor.plugins.commands.option_types import type_in_words
 
 NO_CLASS = ("charts", "choice", "command", "error_norm", "paper", "scene", "study")

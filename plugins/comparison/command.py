@@ -8,24 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sparsemor.core.cli.options_and_exit_codes import (
-    FAILED,
-    Force,
-    Json,
-    Quiet,
-    Resume,
-    SceneName,
-    Settings,
-    leave,
-    load_with,
-    located_in,
-    out_option,
-    place_for_result,
-    print_json,
-    progress,
-    warn,
-    words,
-)
+from sparsemor.core.cli.exit_codes import FAILED, leave, print_json
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.assembly import BodyCache
 from sparsemor.core.notes import folded
@@ -34,6 +17,21 @@ from sparsemor.core.results.files.written_files import add_part
 from sparsemor.core.results.output_directory import COMPARISON, OutputDirectory
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.status import SolveFailed, Status
+from sparsemor.plugins.command_line.options import (
+    Force,
+    Json,
+    Quiet,
+    Resume,
+    SceneName,
+    Settings,
+    load_with,
+    located_in,
+    out_option,
+    place_for_result,
+    progress,
+    warn,
+    words,
+)
 
 if TYPE_CHECKING:
     from sparsemor.core.results.run_result import RunResult

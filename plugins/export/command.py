@@ -5,7 +5,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sparsemor.core.cli.options_and_exit_codes import (
+from sparsemor.core.cli.exit_codes import print_json
+from sparsemor.core.errors import InputError
+from sparsemor.core.results.model_file import is_model_file
+from sparsemor.plugins.command_line.options import (
     At,
     Force,
     Json,
@@ -14,13 +17,10 @@ from sparsemor.core.cli.options_and_exit_codes import (
     located_in,
     part_of,
     path_of,
-    print_json,
     times_at,
     warn,
     words,
 )
-from sparsemor.core.errors import InputError
-from sparsemor.core.results.model_file import is_model_file
 
 if TYPE_CHECKING:
     from sparsemor.core.results.run_result import RunResult

@@ -6,7 +6,9 @@ from typing import Annotated
 
 import typer
 
-from sparsemor.core.cli.options_and_exit_codes import (
+from sparsemor.core.cli.exit_codes import print_json
+from sparsemor.core.results.files.written_files import list_file
+from sparsemor.plugins.command_line.options import (
     Json,
     Quiet,
     ReplaceFile,
@@ -16,10 +18,8 @@ from sparsemor.core.cli.options_and_exit_codes import (
     load_with,
     located_in,
     path_of,
-    print_json,
     progress,
 )
-from sparsemor.core.results.files.written_files import list_file
 
 Out = Annotated[Path | None, typer.Option(
     "--out", parser=path_of, metavar="FILE", help="File (default: SCENE-REDUCER.model).")]

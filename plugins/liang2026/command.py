@@ -5,18 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sparsemor.core.cli.options_and_exit_codes import (
-    FAILED,
-    INTERRUPTED,
-    Force,
-    Json,
-    Quiet,
-    leave,
-    located_in,
-    path_of,
-    print_json,
-    words,
-)
+from sparsemor.core.cli.exit_codes import FAILED, INTERRUPTED, leave, print_json
+from sparsemor.plugins.command_line.options import Force, Json, Quiet, located_in, path_of, words
 from sparsemor.plugins.liang2026 import PAPER
 
 if TYPE_CHECKING:

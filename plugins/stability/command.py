@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sparsemor.core.cli.options_and_exit_codes import (
+from sparsemor.core.cli.exit_codes import print_json
+from sparsemor.core.errors import InputError
+from sparsemor.core.results.atomic_files import writing
+from sparsemor.core.results.files.written_files import publishing, require_ours
+from sparsemor.core.results.output_directory import OutputDirectory
+from sparsemor.core.results.output_lock import owned
+from sparsemor.core.results.tables import csv_table, with_head
+from sparsemor.core.scene.yaml_reader import parse_value
+from sparsemor.plugins.command_line.options import (
     Force,
     Json,
     Quiet,
@@ -18,17 +26,9 @@ from sparsemor.core.cli.options_and_exit_codes import (
     load_with,
     located_in,
     out_option,
-    print_json,
     progress,
     times_at,
 )
-from sparsemor.core.errors import InputError
-from sparsemor.core.results.atomic_files import writing
-from sparsemor.core.results.files.written_files import publishing, require_ours
-from sparsemor.core.results.output_directory import OutputDirectory
-from sparsemor.core.results.output_lock import owned
-from sparsemor.core.results.tables import csv_table, with_head
-from sparsemor.core.scene.yaml_reader import parse_value
 
 if TYPE_CHECKING:
     from sparsemor.plugins.stability.survey import Survey

@@ -5,22 +5,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sparsemor.core.cli.completion import scene_names, study_names
-from sparsemor.core.cli.options_and_exit_codes import (
-    BAD_INPUT,
-    FAILED,
-    INTERRUPTED,
+from sparsemor.core.cli.exit_codes import BAD_INPUT, FAILED, INTERRUPTED, leave, print_json
+from sparsemor.core.scene.overrides import parse_settings
+from sparsemor.plugins.command_line.completion import scene_names, study_names
+from sparsemor.plugins.command_line.options import (
     Force,
     Json,
     Quiet,
     Settings,
-    leave,
     located_in,
     located_in_settings,
     path_of,
-    print_json,
 )
-from sparsemor.core.scene.overrides import parse_settings
 
 if TYPE_CHECKING:
     from sparsemor.plugins.study import StudyOutcome

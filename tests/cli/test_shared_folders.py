@@ -17,7 +17,6 @@ from typer.testing import CliRunner
 
 from sparsemor import InputError, SolveFailed, Status, load, open_result, simulate
 from sparsemor.core.cli import app
-from sparsemor.core.cli.options_and_exit_codes import place_for_result
 from sparsemor.core.registry.hooks import hookimpl
 from sparsemor.core.results.atomic_files import replace_file
 from sparsemor.core.results.files.written_files import LISTING, add_part
@@ -26,6 +25,7 @@ from sparsemor.core.results.output_directory import COMPARISON
 from sparsemor.core.results.output_lock import LOCK
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation import stages_before_steps
+from sparsemor.plugins.command_line.options import place_for_result
 
 TESTS = Path(__file__).parents[1]
 TINY = TESTS / "scenes" / "tiny.yaml"

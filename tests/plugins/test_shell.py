@@ -16,14 +16,13 @@ import pytest
 
 from in_process import sparsemor
 from sparsemor import load, simulate
-from sparsemor.core.cli.completion import (
+from sparsemor.plugins.command_line.completion import (
     plugin_names,
     scene_names,
     settings,
     stored_runs,
     study_names,
 )
-from sparsemor.core.registry.registry import Registry
 
 ROOT = Path(__file__).parents[2]
 PROGRAM = Path(sys.executable).with_name("sparsemor")

@@ -30,8 +30,8 @@ FORMS = "sparsemor.bodies.fem.element_matrices"
 """Imports scikit-fem, and is itself imported inside functions only."""
 BUILD = ROOT / "core" / "_distribution"
 COMMANDS = [ROOT / "plugins" / name for name in (
-    "advice", "analyses", "charts", "commands", "comparison", "error_estimate", "export",
-    "kept_models", "liang2026", "stability", "study")]
+    "advice", "analyses", "charts", "command_line", "commands", "comparison", "error_estimate",
+    "export", "kept_models", "liang2026", "stability", "study")]
 """Folders of commands, which import of core what its own commands do: runs, studies, charts."""
 
 

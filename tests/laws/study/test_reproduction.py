@@ -13,13 +13,13 @@ import pytest
 
 from packaged_paper import packaged_paper
 from source_trees import tree_of
-from sparsemor.core.cli.options_and_exit_codes import load_with
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.scene.scene import load
 from sparsemor.core.scene.yaml_reader import LocatedError
 from sparsemor.core.simulation.cache import Cache
 from sparsemor.core.simulation.simulate import simulate
+from sparsemor.plugins.command_line.options import load_with
 from sparsemor.plugins.liang2026.computing_time_split import LOOP, Counted
 from sparsemor.plugins.liang2026.page import text_of
 from sparsemor.plugins.liang2026.paper import (
