@@ -1,6 +1,6 @@
 """Work of the linear solvers of a run, by block."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from sparsemor.core.model.factorizations import Factored
@@ -24,15 +24,3 @@ def solvers_summary(
             one["iterations_a_step"] = iterations.get(f.block, 0) / max(steps, 1)
         found.append(one)
     return found
-
-
-def solvers_in_words(entries: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Text lines such as `disk.elastic: amg, 5.2 iterations/step, 0.12 GB` for the linear solvers
-    of the steps."""
-    lines = []
-    for e in entries:
-        if e["for"] == "steps":
-            count = e.get("iterations_a_step")
-            iterations = "" if count is None else f", {count:.3g} iterations/step"
-            lines.append(f"{e['block']}: {e['solver']}{iterations}, {e['memory_gb']:.2g} GB")
-    return lines

@@ -28,7 +28,7 @@ from sparsemor.core.scene.scene import Scene
 
 PACKAGE = "sparsemor"
 FOLDERS = ("core", "bodies", "reducers", "integrators", "plugins")
-OUTSIDE = ("core/cli", "plugins/command_line")
+OUTSIDE = ("core/cli", "plugins/command_line", "plugins/publishing")
 """Folders in these whose code starts runs and evaluates results, so that no run depends on it."""
 LIBRARIES = ("numpy", "scipy", "scikit-fem", "meshio", "pypardiso", "scikit-sparse", "pyamg",
              "cvxpy", "scikit-learn")

@@ -25,7 +25,6 @@ from sparsemor.core.protocols.plugin import Plugin
 from sparsemor.core.protocols.reducer import Choice, TrialRun
 from sparsemor.core.registry.hooks import Manager, new_manager
 from sparsemor.core.results.atomic_files import replace_file
-from sparsemor.core.results.tables import text_table
 from sparsemor.core.scene.default_plugins import FULL_ORDER
 from sparsemor.core.scene.html import html_text
 from sparsemor.core.scene.option_tree import nested
@@ -37,6 +36,7 @@ from sparsemor.core.simulation.stages_before_steps import prepared
 from sparsemor.core.simulation.time_stepping import full_state, problem_of
 from sparsemor.core.simulation.training import offline_of
 from sparsemor.core.status import SolveFailed
+from sparsemor.plugins.publishing.tables import text_table
 from sparsemor.plugins.stability.stability_check import check_run
 
 CHOOSER = "auto"

@@ -7,7 +7,6 @@ from typing import Annotated
 import typer
 
 from sparsemor.core.cli.exit_codes import print_json
-from sparsemor.core.results.files.written_files import list_file
 from sparsemor.plugins.command_line.options import (
     Json,
     Quiet,
@@ -20,6 +19,7 @@ from sparsemor.plugins.command_line.options import (
     path_of,
     progress,
 )
+from sparsemor.plugins.publishing.listed_files import list_file
 
 Out = Annotated[Path | None, typer.Option(
     "--out", parser=path_of, metavar="FILE",

@@ -17,17 +17,17 @@ from sparsemor.core.notes import Level, sentences
 from sparsemor.core.results.atomic_files import writing
 from sparsemor.core.results.files.replaceable_files import STORE
 from sparsemor.core.results.files.temporary_folders import TemporaryFolder
-from sparsemor.core.results.files.written_files import publishing
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.probes import ForceReader, ProbeReader
 from sparsemor.core.results.result_variables import Derived
 from sparsemor.core.results.result_writer import ChunkOfSteps, ResultWriter
-from sparsemor.core.results.tables import csv_table, text_table, with_head
 from sparsemor.core.simulation.controllers import sensors
 from sparsemor.core.simulation.sensors_and_outputs import read
 from sparsemor.core.simulation.stages_before_steps import full_order_header
 from sparsemor.plugins.analyses.analysed_model import Prepared
 from sparsemor.plugins.analyses.modes import ComplexArray
+from sparsemor.plugins.publishing.listed_files import publishing
+from sparsemor.plugins.publishing.tables import csv_table, text_table, with_head
 
 if TYPE_CHECKING:
     from collections.abc import Callable

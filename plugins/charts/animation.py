@@ -13,7 +13,7 @@ import numpy as np
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.protocols.layout import Quantity
-from sparsemor.core.results.files.written_files import publishing, require_ours
+from sparsemor.core.results.files.written_files import require_ours
 from sparsemor.core.results.result_variables import FIELDS, Field
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.plugins.charts.fields import (
@@ -26,6 +26,7 @@ from sparsemor.plugins.charts.fields import (
 )
 from sparsemor.plugins.charts.style import NORMAL, SMALL, new_figure, tidy, unit
 from sparsemor.plugins.charts.view_in_space import VIEWS, BodySurface, paint
+from sparsemor.plugins.publishing.listed_files import publishing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

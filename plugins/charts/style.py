@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from sparsemor.core.arrays import FloatArray
-from sparsemor.core.results.files.written_files import publishing
 from sparsemor.core.status import Status
+from sparsemor.plugins.publishing.listed_files import publishing
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

@@ -17,7 +17,7 @@ import typer
 
 from sparsemor.core.errors import Damaged, Fault, InputError
 from sparsemor.core.registry.validation_errors import shown
-from sparsemor.core.results.files.written_files import add_to_listing, require_ours
+from sparsemor.core.results.files.written_files import require_ours
 from sparsemor.core.results.model_file import is_model_file
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.scene.overrides import parse_settings
@@ -25,6 +25,7 @@ from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.scene.yaml_reader import LocatedError
 from sparsemor.core.simulation.progress import progress_bar
 from sparsemor.plugins.command_line.completion import scene_names, settings, stored_runs
+from sparsemor.plugins.publishing.listed_files import add_to_listing
 
 T = TypeVar("T")
 

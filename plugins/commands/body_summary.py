@@ -10,7 +10,7 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from sparsemor.core.arrays import Csr
 from sparsemor.core.model.model import Model
-from sparsemor.core.results.tables import text_table
+from sparsemor.plugins.publishing.tables import text_table
 
 MODES = 3
 """Number of frequencies of a body."""

@@ -8,10 +8,10 @@ import typer
 
 from sparsemor.core.cli.exit_codes import print_json
 from sparsemor.core.errors import InputError
-from sparsemor.core.notes import folded
 from sparsemor.core.results.error_norms import LIMIT
 from sparsemor.core.results.model_file import is_model_file
 from sparsemor.core.scene.overrides import parse_settings
+from sparsemor.plugins.command_line.folded_notes import folded
 from sparsemor.plugins.command_line.options import (
     Force,
     Json,
@@ -86,8 +86,8 @@ def _kept(scene: str, resume: bool) -> "ReducedModel | None":
 def in_words(summary: Mapping[str, Any]) -> str:
     """Summary of a run as aligned lines of text; entries that the run does not report are left
     out."""
-    from sparsemor.core.results.linear_solver_cost import solvers_in_words
-    from sparsemor.core.results.tables import marked
+    from sparsemor.plugins.comparison.cost import solvers_in_words
+    from sparsemor.plugins.publishing.tables import marked
 
     lines = [("status", summary.get("status")), ("reducer", summary.get("reducer"))]
     if "steps" in summary:

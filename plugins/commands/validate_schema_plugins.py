@@ -37,9 +37,10 @@ def validate(scene: SceneName, settings: Settings = None, as_json: Json = False)
     frequencies and sets of its bodies."""
     loaded = load_with(scene, settings)
     with located_in(loaded):
-        from sparsemor.core.notes import Level, folded, sentences
+        from sparsemor.core.notes import Level, sentences
         from sparsemor.core.simulation.checks import Checks
         from sparsemor.core.simulation.validation import checked_model
+        from sparsemor.plugins.command_line.folded_notes import folded
         from sparsemor.plugins.commands.body_summary import body_facts, in_words
 
         model = checked_model(loaded)

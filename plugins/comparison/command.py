@@ -11,12 +11,11 @@ import typer
 from sparsemor.core.cli.exit_codes import FAILED, leave, print_json
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.assembly import BodyCache
-from sparsemor.core.notes import folded
 from sparsemor.core.results.atomic_files import writing
-from sparsemor.core.results.files.written_files import add_part
 from sparsemor.core.results.output_directory import COMPARISON, OutputDirectory
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.status import SolveFailed, Status
+from sparsemor.plugins.command_line.folded_notes import folded
 from sparsemor.plugins.command_line.options import (
     Force,
     Json,
@@ -32,6 +31,7 @@ from sparsemor.plugins.command_line.options import (
     warn,
     words,
 )
+from sparsemor.plugins.publishing.listed_files import add_part
 
 if TYPE_CHECKING:
     from sparsemor.core.results.run_result import RunResult

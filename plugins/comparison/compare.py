@@ -10,12 +10,10 @@ from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.results.error_norms import LIMIT
-from sparsemor.core.results.files.written_files import publishing
 from sparsemor.core.results.json_data import to_json
 from sparsemor.core.results.output_directory import COMPARISON
 from sparsemor.core.results.presentation import CHARTS, Drawn
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.results.tables import CONSTANT, MARK, csv_table, marked, number, text_table
 from sparsemor.core.scene.html import html_table
 from sparsemor.plugins.comparison.cost import (
     Gain,
@@ -33,6 +31,15 @@ from sparsemor.plugins.comparison.error_norms import (
     measure_names,
 )
 from sparsemor.plugins.comparison.training_span import end_of_training, training_lines
+from sparsemor.plugins.publishing.listed_files import publishing
+from sparsemor.plugins.publishing.tables import (
+    CONSTANT,
+    MARK,
+    csv_table,
+    marked,
+    number,
+    text_table,
+)
 
 REFERENCE = "reference"
 NONE: Mapping[str, str] = {}

@@ -3,16 +3,15 @@ linear solvers; its wall-clock gain over full order, and the number of runs afte
 time has paid off (break-even)."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from sparsemor.core.results.linear_solver_cost import solvers_in_words
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.results.tables import number, text_table
 from sparsemor.core.status import Status
+from sparsemor.plugins.publishing.tables import number, text_table
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +73,18 @@ def run_facts(run: RunResult) -> RunFacts:
         end=float(run.times[-1]) if len(run.times) else 0.0,
         linear_solvers="; ".join(solvers_in_words(summary.get("linear_solvers", ()))),
         peak_gb=summary.get("memory", {}).get("peak_gb"), ms_per_step_solver=solver)
+
+
+def solvers_in_words(entries: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Text lines such as `disk.elastic: amg, 5.2 iterations/step, 0.12 GB` for the linear solvers
+    of the steps."""
+    lines = []
+    for e in entries:
+        if e["for"] == "steps":
+            count = e.get("iterations_a_step")
+            iterations = "" if count is None else f", {count:.3g} iterations/step"
+            lines.append(f"{e['block']}: {e['solver']}{iterations}, {e['memory_gb']:.2g} GB")
+    return lines
 
 
 # ------------------------------------------------------------------ gain over full order

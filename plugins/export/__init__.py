@@ -9,7 +9,7 @@ from typing import Protocol
 from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.core.results.atomic_files import writing
 from sparsemor.core.results.files.replaceable_files import own_files, remove
-from sparsemor.core.results.files.written_files import in_the_way, publishing, read_listing
+from sparsemor.core.results.files.written_files import in_the_way, read_listing
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.result_variables import FIELDS
 from sparsemor.core.results.run_result import RunResult
@@ -22,6 +22,7 @@ from sparsemor.plugins.export.vtk_and_xdmf import (
     exported_mesh,
     frame_at,
 )
+from sparsemor.plugins.publishing.listed_files import publishing
 
 EXPORT = "export"
 """Kind of the list of an export."""

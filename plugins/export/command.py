@@ -88,10 +88,10 @@ def _model(
 ) -> None:
     """Exports a kept model to an FMU, C or matrices, and prints its inputs and outputs."""
     with located_in():
-        from sparsemor.core.results.files.written_files import list_file
         from sparsemor.plugins.export.fmu import export_c, export_fmu
         from sparsemor.plugins.export.matrices import FORMATS, export_matrices
         from sparsemor.plugins.kept_models.reduced_model import load_model
+        from sparsemor.plugins.publishing.listed_files import list_file
 
         if form not in ("fmu", "c", *FORMATS):
             raise InputError(f"a model is exported to fmu, c, {', '.join(FORMATS)} (got {form!r})",

@@ -18,9 +18,9 @@ from types import FrameType
 
 from sparsemor.core.errors import InputError
 from sparsemor.core.results.files.temporary_folders import TemporaryFolder
-from sparsemor.core.results.files.written_files import write_listed
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation import simulate as simulation
+from sparsemor.plugins.publishing.listed_files import write_listed
 
 SPLIT = "split.json"
 """File of the split in the folder of a run."""

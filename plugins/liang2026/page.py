@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 
-from sparsemor.core.results.files.written_files import write_listed
 from sparsemor.plugins.liang2026.item_functions import Value
 from sparsemor.plugins.liang2026.paper import BROKEN, MISSED, PaperFile, PaperItem
 from sparsemor.plugins.liang2026.verdicts import Number, Verdict
+from sparsemor.plugins.publishing.listed_files import write_listed
 
 _COLOURS = {"better": "#d5efdf", "reproduced": "#e3f3d6", "in part": "#fbf0cf",
             MISSED: "#f8dcd6", BROKEN: "#e2e2e2"}

@@ -10,15 +10,15 @@ from pathlib import Path
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.threads import fixed_threads
 from sparsemor.core.registry.registry import Registry, suggestions
-from sparsemor.core.results.files.written_files import add_to_listing, write_listed
 from sparsemor.core.results.output_directory import OutputDirectory
-from sparsemor.core.results.tables import csv_table
 from sparsemor.plugins.liang2026 import PAPER
 from sparsemor.plugins.liang2026.item_functions import Results
 from sparsemor.plugins.liang2026.page import write_pages
 from sparsemor.plugins.liang2026.paper import BROKEN, PaperFile, PaperItem
 from sparsemor.plugins.liang2026.runs import PaperRuns, commands_of
 from sparsemor.plugins.liang2026.verdicts import Verdict, judged
+from sparsemor.plugins.publishing.listed_files import add_to_listing, write_listed
+from sparsemor.plugins.publishing.tables import csv_table
 
 ABOUT, PICTURES = "reproduction.json", "pictures"
 TABLES = ("verdicts.csv", "numbers.csv")

@@ -12,7 +12,6 @@ from typing import Any
 from sparsemor.core.errors import InputError
 from sparsemor.core.linalg.threads import fixed_threads
 from sparsemor.core.registry.registry import Registry
-from sparsemor.core.results.files.written_files import add_part, remove_listed, write_listed
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.scene.scene import Scene, load
 from sparsemor.core.scene.source import Source
@@ -21,6 +20,7 @@ from sparsemor.plugins.liang2026.computing_time_split import SPLIT, write_split
 from sparsemor.plugins.liang2026.item_functions import reason_of
 from sparsemor.plugins.liang2026.paper import PaperFile, PaperItem, RunEntry, StudyEntry
 from sparsemor.plugins.liang2026.quantities import split
+from sparsemor.plugins.publishing.listed_files import add_part, remove_listed, write_listed
 from sparsemor.plugins.study.jobs import UNCOMPUTED, completed, scene_data
 from sparsemor.plugins.study.plan import Drawing, Run, StudyPlan
 from sparsemor.plugins.study.run_study import run_plan, worker_pool

@@ -10,10 +10,9 @@ import typer
 from sparsemor.core.cli.exit_codes import print_json
 from sparsemor.core.errors import InputError
 from sparsemor.core.results.atomic_files import writing
-from sparsemor.core.results.files.written_files import publishing, require_ours
+from sparsemor.core.results.files.written_files import require_ours
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.output_lock import owned
-from sparsemor.core.results.tables import csv_table, with_head
 from sparsemor.core.scene.yaml_reader import parse_value
 from sparsemor.plugins.command_line.options import (
     Force,
@@ -29,6 +28,8 @@ from sparsemor.plugins.command_line.options import (
     progress,
     times_at,
 )
+from sparsemor.plugins.publishing.listed_files import publishing
+from sparsemor.plugins.publishing.tables import csv_table, with_head
 
 if TYPE_CHECKING:
     from sparsemor.plugins.stability.survey import Survey

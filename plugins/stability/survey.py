@@ -15,7 +15,6 @@ from sparsemor.core.linalg.threads import fixed_threads
 from sparsemor.core.model.initial_state import resolved_start
 from sparsemor.core.model.model import Model
 from sparsemor.core.registry.hooks import new_manager
-from sparsemor.core.results.tables import number, text_table
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.scene.yaml_reader import LocatedError
 from sparsemor.core.simulation.cache import Cache
@@ -25,6 +24,7 @@ from sparsemor.core.simulation.stages_before_steps import prepared
 from sparsemor.core.simulation.time_stepping import started
 from sparsemor.core.simulation.validation import checked_model, time_faults
 from sparsemor.core.status import SolveFailed
+from sparsemor.plugins.publishing.tables import number, text_table
 from sparsemor.plugins.stability.galerkin_reference import (
     along,
     linearization_times,

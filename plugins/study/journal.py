@@ -7,16 +7,16 @@ from pathlib import Path
 from typing import Any
 
 from sparsemor.core.errors import InputError
-from sparsemor.core.results.files.written_files import (
-    Written,
+from sparsemor.core.results.files.written_files import Written
+from sparsemor.core.results.output_directory import OutputDirectory
+from sparsemor.plugins.publishing.listed_files import (
     add_to_listing,
     append_listed,
     drop_cut_line,
     publishing,
     write_listed,
 )
-from sparsemor.core.results.output_directory import OutputDirectory
-from sparsemor.core.results.tables import csv_table
+from sparsemor.plugins.publishing.tables import csv_table
 from sparsemor.plugins.study.plan import Drawing, StudyPlan
 from sparsemor.plugins.study.table_columns import TIMES, cell, fact_columns, with_facts
 

@@ -13,7 +13,6 @@ from sparsemor.core.errors import InputError, check_count
 from sparsemor.core.model.assembly import BodyCache
 from sparsemor.core.results.error_norms import LIMIT
 from sparsemor.core.results.run_result import RunResult
-from sparsemor.core.results.tables import csv_table, marked, number, text_table, with_head
 from sparsemor.core.scene.default_plugins import FULL_ORDER
 from sparsemor.core.scene.html import html_text
 from sparsemor.core.scene.parameters_and_training_points import uniform, values_at
@@ -21,6 +20,7 @@ from sparsemor.core.scene.scene import Scene
 from sparsemor.core.status import SolveFailed
 from sparsemor.plugins.comparison.error_norms import measure_errors, measure_names
 from sparsemor.plugins.kept_models.reduced_model import ReducedModel, reduce
+from sparsemor.plugins.publishing.tables import csv_table, marked, number, text_table, with_head
 from sparsemor.plugins.study.jobs import cached_reference
 
 Row = dict[str, Any]

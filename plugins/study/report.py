@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sparsemor.core.results.error_norms import LIMIT
-from sparsemor.core.results.tables import CONSTANT, MARK, marked, text_table
 from sparsemor.core.scene.html import html_text
 from sparsemor.core.status import Status
 from sparsemor.plugins.comparison.error_norms import measure_names
+from sparsemor.plugins.publishing.tables import CONSTANT, MARK, marked, text_table
 from sparsemor.plugins.study.axes import LABEL
 from sparsemor.plugins.study.plan import Drawing, StudyPlan
 from sparsemor.plugins.study.table_columns import ERROR, LATE, OF_CHARTS, SERIES, label

@@ -10,15 +10,10 @@ from typing import Any
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.results.files.temporary_folders import TemporaryFolder
-from sparsemor.core.results.files.written_files import (
-    Listing,
-    add_to_listing,
-    in_the_way,
-    list_file,
-    read_listing,
-)
+from sparsemor.core.results.files.written_files import Listing, in_the_way, read_listing
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.status import Status
+from sparsemor.plugins.publishing.listed_files import add_to_listing, list_file
 from sparsemor.plugins.study.jobs import DIED
 from sparsemor.plugins.study.journal import WRITES, Journal, is_study
 from sparsemor.plugins.study.plan import StudyPlan

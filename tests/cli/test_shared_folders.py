@@ -19,13 +19,14 @@ from sparsemor import InputError, SolveFailed, Status, load, open_result, simula
 from sparsemor.core.cli import app
 from sparsemor.core.registry.hooks import hookimpl
 from sparsemor.core.results.atomic_files import replace_file
-from sparsemor.core.results.files.written_files import LISTING, add_part
+from sparsemor.core.results.files.written_files import LISTING
 from sparsemor.core.results.npz_archive import write_archive
 from sparsemor.core.results.output_directory import COMPARISON
 from sparsemor.core.results.output_lock import LOCK
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.simulation import stages_before_steps
 from sparsemor.plugins.command_line.options import place_for_result
+from sparsemor.plugins.publishing.listed_files import add_part
 
 TESTS = Path(__file__).parents[1]
 TINY = TESTS / "scenes" / "tiny.yaml"

@@ -11,7 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from sparsemor.core.results.tables import text_table
+from sparsemor.plugins.publishing.tables import text_table
 
 
 @dataclass

@@ -31,7 +31,7 @@ FORMS = "sparsemor.bodies.fem.element_matrices"
 BUILD = ROOT / "core" / "_distribution"
 COMMANDS = [ROOT / "plugins" / name for name in (
     "advice", "analyses", "charts", "command_line", "commands", "comparison", "error_estimate",
-    "export", "kept_models", "liang2026", "stability", "study")]
+    "export", "kept_models", "liang2026", "publishing", "stability", "study")]
 """Folders of commands, which import of core what its own commands do: runs, studies, charts."""
 
 

@@ -11,12 +11,12 @@ import pytest
 
 from sparsemor.bodies.terms.field_kinds import BODY_KINDS
 from sparsemor.core.results.error_norms import LIMIT
-from sparsemor.core.results.tables import marked, text_table
 from sparsemor.core.status import Status
 from sparsemor.plugins.charts.error_over_time import error_over_time_figure
 from sparsemor.plugins.charts.work_precision import WorkPoint, work_precision_figure
 from sparsemor.plugins.comparison.compare import Comparison, compare
 from sparsemor.plugins.comparison.error_norms import measure_errors
+from sparsemor.plugins.publishing.tables import marked, text_table
 from sparsemor.plugins.study.plan import StudyPlan
 from sparsemor.plugins.study.report import counted, in_words
 from sparsemor.plugins.study.table_columns import measured

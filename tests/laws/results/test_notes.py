@@ -6,7 +6,8 @@ import pytest
 
 from small_scenes import tiny
 from sparsemor import load, simulate
-from sparsemor.core.notes import Level, Note, folded, information, kinds, sentences
+from sparsemor.core.notes import Level, Note, information, kinds, sentences
+from sparsemor.plugins.command_line.folded_notes import folded
 from sparsemor.plugins.stability.survey import unsampled
 
 SLIDER = "tests/scenes/small_slider.yaml"

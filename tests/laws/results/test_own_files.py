@@ -15,17 +15,16 @@ from hypothesis import strategies as st
 
 from sparsemor import InputError, SolveFailed, Status, open_result
 from sparsemor.core.results.files.replaceable_files import own_files
-from sparsemor.core.results.files.written_files import (
-    LISTING,
+from sparsemor.core.results.files.written_files import LISTING, read_listing
+from sparsemor.core.results.output_directory import COMPARISON, KEPT, MOVING, OutputDirectory
+from sparsemor.core.results.result_writer import ResultWriter
+from sparsemor.plugins.publishing.listed_files import (
     add_part,
     add_to_listing,
     append_listed,
     publishing,
-    read_listing,
     write_listed,
 )
-from sparsemor.core.results.output_directory import COMPARISON, KEPT, MOVING, OutputDirectory
-from sparsemor.core.results.result_writer import ResultWriter
 from written_runs import RIGID, TIMES, write_run
 
 TABLE = "errors.csv"
