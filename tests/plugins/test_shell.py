@@ -16,6 +16,7 @@ import pytest
 
 from in_process import sparsemor
 from sparsemor import load, simulate
+from sparsemor.core.registry.registry import Registry
 from sparsemor.plugins.command_line.completion import (
     plugin_names,
     scene_names,
