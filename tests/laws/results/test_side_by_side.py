@@ -7,16 +7,14 @@ import numpy as np
 import pytest
 
 from small_scenes import tiny
-from sparsemor import compare, load, simulate
+from sparsemor import compare, simulate
 from sparsemor.core.protocols.layout import Quantity
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.plugins.charts.planar_fields import deformation_figure
-from sparsemor.plugins.charts.surface_fields import surface_figures
 from sparsemor.plugins.charts.time_histories import probe_temperature_figure
 
 pytestmark = pytest.mark.full
 TIP = {"tip": {"body": "bar", "at": [0.5, 0.05]}}
-SPACE = Path(__file__).parents[2] / "scenes" / "heated_disk.yaml"
 
 
 @pytest.fixture(scope="module")
@@ -79,19 +77,3 @@ def test_probes_of_other_runs_are_thin_lines_over_the_reference(
     assert np.allclose(np.asarray(wide.get_ydata()), np.asarray(thin.get_ydata()), atol=1e-2)
     labels = [t.get_text() for t in figure.legends[0].get_texts()]
     assert labels == ["tip", "wide: whole", "few", "cold"]
-
-
-def test_surfaces_of_all_runs_are_seen_from_above() -> None:
-    scene = load(SPACE)
-    whole = simulate(scene.using({"reducer": "full"}))
-    short = simulate(scene.using({"reducer": "full", "time.end": scene.time.end / 2}))
-    body = next(b for b in whole.bodies if whole.layout.of(b, Quantity.TEMPERATURE) is not None)
-    end = scene.time.end
-    figure = surface_figures(
-        whole, [end / 2, end], lambda surfaces: None, {"short": short}, "whole",
-        [(body, Quantity.TEMPERATURE)])[f"temperature_{body}"]
-    *panels, bar = figure.axes
-    assert [a.get_ylabel() for a in panels if a.get_ylabel()] == ["whole", "short"]
-    assert [a.get_visible() for a in panels] == [True, True, True, False]
-    assert bar.get_ylim()[1] == pytest.approx(max(
-        whole.nodal_temperature(body, whole.steps_at([t])[0]).max() for t in (end / 2, end)))

@@ -93,14 +93,6 @@ def test_nothing_to_draw() -> None:
     assert positions_figure({"slider": (TIMES[:1], np.zeros((1, 3)))}) is None
 
 
-def test_motion_that_was_solved_for_is_drawn_in_scenes_with_contact() -> None:
-    solved = Followed(None)
-    assert moving_bodies(solved) == {}
-    solved.scene = {"contacts": {"sole": {}}}
-    times, pose = moving_bodies(solved)["slider"]
-    assert times is TIMES and pose[-1, 0] == 3.0 and set(moving_bodies(solved)) == {"slider"}
-
-
 def test_a_disk_that_follows_its_stage_has_the_stages_speed() -> None:
     """As Fig. 17: linear braking, 66.667 rad/s less 51.087 t; its frame has four coordinates."""
     t = np.linspace(0.0, 1.2, 1201)

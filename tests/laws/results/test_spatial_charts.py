@@ -21,7 +21,6 @@ from sparsemor.plugins.charts.surface_pyvista_worker import DARKEST, LIGHT
 from sparsemor.plugins.charts.time_histories import (
     probe_displacement_figure,
     probe_temperature_figure,
-    rate_of,
     turning,
 )
 from sparsemor.plugins.charts.view_in_space import VIEWS, BodySurface, front_facing, paint, rendered
@@ -201,18 +200,6 @@ def test_pictures_of_a_run_in_space(
 
 
 # --------------------------------------------------------------------------- motion
-
-
-@pytest.mark.full
-def test_speed_is_that_of_the_parabola(run: RunResult) -> None:
-    """Nothing brakes the wheel: 5 rad/s; and 5 t^2 has the speed 10 t at any spacing."""
-    curves = turning(run)
-    assert set(curves) == {("wheel", "angle (rad)"), ("wheel", "angular speed (rad/s)"),
-                           ("bar", "turned (°)")}
-    np.testing.assert_allclose(curves["wheel", "angular speed (rad/s)"].values, 5.0, rtol=1e-9)
-    np.testing.assert_allclose(curves["wheel", "angle (rad)"].values, 5.0 * run.times, rtol=1e-9)
-    t = np.array([0.0, 0.1, 0.15, 0.4, 0.41])
-    np.testing.assert_allclose(rate_of(t, 5.0 * t**2), 10.0 * t, atol=1e-13)
 
 
 @pytest.mark.full

@@ -9,7 +9,7 @@ from sparsemor.core.arrays import FloatArray, IntArray
 from sparsemor.plugins.samplers import smallest_singular_pair as smallest
 from sparsemor.plugins.samplers.candidate_rows import GreedyRows
 from sparsemor.plugins.samplers.deim import pivots, raise_smallest
-from sparsemor.plugins.samplers.smallest_singular_pair import SMALL, Smallest, largest
+from sparsemor.plugins.samplers.smallest_singular_pair import SMALL, Smallest
 from tiers import full
 
 Columns = Callable[[int, int, int], FloatArray]
@@ -90,16 +90,6 @@ def test_rows_that_hardly_see_the_columns_are_met_by_svds() -> None:
     s = np.linalg.svd(U[:300], compute_uv=False)
     assert found.M is not None
     np.testing.assert_allclose(found.s, s[-2:], rtol=1e-8)
-
-
-def test_largest_eigenpairs_where_all_others_are_alike() -> None:
-    """The block of the Krylov space has dependent columns from its second power on."""
-    Q = np.linalg.qr(np.random.default_rng(0).standard_normal((100, 100)))[0]
-    M = Q @ np.diag([5.0, *np.ones(99)]) @ Q.T
-    values, X, exact = largest(M, np.random.default_rng(1).standard_normal((100, 5)), 4)
-    assert exact
-    np.testing.assert_allclose(values, [5.0, 1.0, 1.0, 1.0], rtol=1e-12)
-    np.testing.assert_allclose(X.T @ X, np.eye(4), atol=1e-12)
 
 
 def test_a_row_of_a_node_that_says_nothing_new_takes_no_direction() -> None:

@@ -296,23 +296,6 @@ def test_ring_rows_are_counted_and_kept() -> None:
     assert len(solver.rows[name]) == len(kept) + min(free, 2)
 
 
-@pytest.mark.full
-def test_impulses_in_a_reduced_run() -> None:
-    """No snapshot of the temperatures under the moving source is used."""
-    want = march(tiny().using({"reducer": "full"}), model=heated()).block("bar.thermal")
-    heat = {"use": "dictionary", "orthonormal": True, "bases": [
-        {"use": "impulse", "count": 10}, {"use": "static", "rates": [0, 10, 100, 1000]}]}
-    scene = with_reducer(
-        use="sparse", budgets={"*.elastic": {"rows": 10}, "*.thermal": {"rows": 4}},
-        sampler={"use": "deim", "required": "ring"}, residual="preconditioned",
-        bases={"*.thermal": heat})
-    run = march(scene, model=heated(), snapshots=snapshots())
-    d = run.solver.dictionaries["bar.thermal"]
-    assert any(p.startswith("impulse mode") for p in d.provenance) and d.atoms.shape[1] < 18
-    got = d.offset + run.block("bar.thermal") @ d.atoms.T
-    assert np.abs(got - want).max() < 5e-3 * np.abs(want - want[0]).max()
-
-
 def test_dictionaries_depend_on_the_step_and_say_when_it_is_missing(tmp_path: Path) -> None:
     from sparsemor.core.simulation.cache import Cache
 

@@ -45,14 +45,6 @@ def test_a_note_says_that_untf_makes_rows_worse_conditioned() -> None:
     assert worse_conditioned("bar.thermal", row_facts(B, None)) == ()
 
 
-def test_untf_keeps_a_tight_frame_of_low_coherence() -> None:
-    """Three unit vectors at 120 degrees are one: P may only rotate it."""
-    angles = 2.0 * np.pi / 3.0 * np.arange(3)
-    B = np.array([np.cos(angles), np.sin(angles)])
-    P = UnitNormTightFrame().build(B)
-    np.testing.assert_allclose(P.T @ P, np.eye(2), atol=1e-12)
-
-
 def cosines(A: FloatArray) -> FloatArray:
     F = unit_columns(A)
     return np.asarray(F.T @ F, dtype=np.float64)

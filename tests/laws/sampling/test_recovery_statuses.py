@@ -111,18 +111,6 @@ def test_a_budget_of_zero_closes_a_group(solver: SparseSolver) -> None:
     np.testing.assert_allclose(outcome.c, answer, atol=1e-10)
 
 
-@each
-def test_nothing_penalised_is_plain_newton(solver: SparseSolver) -> None:
-    rng = np.random.default_rng(10)
-    A, B = rng.standard_normal((2, 12, 12))
-    answer = rng.standard_normal(12)
-    problem = LeastSquares((Group("free", 0, 12, None),), A, B, 0.01, answer)
-    start = SparseStart(answer + 0.01 * rng.standard_normal(12), np.ones(12, dtype=np.bool_))
-    outcome = solver.solve(problem, start)
-    assert outcome.status is Status.DONE
-    np.testing.assert_allclose(outcome.c, answer, atol=1e-9)
-
-
 # ------------------------------------------------------------------- statuses and refusals
 
 

@@ -9,14 +9,11 @@ from sparsemor.bodies.frames.frame import SpatialFrame
 from sparsemor.bodies.frames.inertia import Inertia
 from sparsemor.bodies.frames.mass_moments import moments_of
 from sparsemor.bodies.frames.mean_displacement_and_rotation import MeanPoint
-from sparsemor.core import Frame
 from sparsemor.core.protocols.body_frame import FrameWork
 from sparsemor.core.protocols.load_tables import Table
 from sparsemor.core.protocols.prescribed_motion import FrameHistory
 from sparsemor.core.protocols.separable import amplitudes_along, evaluate_amplitudes
-from sparsemor.core.testing.in_memory_run import March, march
 from sparsemor.reducers.step.time_tables import TabulatedLoads, total_load, total_load_along
-from tests.laws.bodies.test_given_frames import bar, plane_bar, turning
 
 TIMES = np.array([0.0, 0.01, 0.02, 0.03, 0.05])
 BETWEEN = np.array([-0.01, 0.004, 0.02, 0.035, 0.06])
@@ -82,21 +79,3 @@ def test_amplitudes_are_functions_of_one_time() -> None:
     many = amplitudes_along(given, TIMES)
     assert np.array_equal(many, [evaluate_amplitudes(given, t) for t in TIMES.tolist()])
     assert amplitudes_along((), TIMES).shape == (len(TIMES), 0)
-
-
-@pytest.mark.parametrize("use", [{"use": "full"}, {"use": "galerkin", "basis": {
-    "use": "modal", "count": 5}}])
-def test_a_frame_that_knows_one_time_only_is_asked_for_each(use, monkeypatch) -> None:
-    """As frames of other packages may, and those of the plane."""
-    def run() -> March:
-        scene = bar(5e8, **use)
-        return march(scene, model=turning(scene, 60.0, 4))
-
-    many = run()
-    monkeypatch.delattr(SpatialFrame, "drive_along")
-    one = run()
-    for name in ("bar.elastic", "bar.thermal"):
-        x, y = many.block(name), one.block(name)
-        assert np.abs(x - y).max() <= 1e-13 * np.abs(y).max()
-    (body,) = turning(plane_bar(5e8), 60.0, 3).separated.moving
-    assert type(body.frame).drive_along is Frame.drive_along

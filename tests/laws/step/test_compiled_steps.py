@@ -127,14 +127,6 @@ def test_the_kernel_takes_the_steps_of_the_solver(seed: int, rigid: bool | None)
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("integrator", [
-    "bdf1", "bdf2", {"use": "generalized_alpha", "rho_inf": 0.5}])
-def test_with_every_integrator(integrator: Any) -> None:
-    case = trained(tiny().using({"integrator": integrator}), GALERKIN)
-    law(case, 20)
-
-
-@pytest.mark.full
 def test_on_a_fixed_support_of_sampled_rows() -> None:
     case = Case(heated().scene.using({"reducer": SPARSE}), heated().model, heated().snapshots)
     law(case, 20)

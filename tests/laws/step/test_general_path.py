@@ -120,19 +120,6 @@ def test_without_a_coupling_term_both_paths_are_one(options: Mapping[str, Any]) 
         assert np.abs(one - other).max() < tolerance * np.abs(one).max(), b.name
 
 
-def test_consistent_start_of_a_second_order_integrator() -> None:
-    scene = load("double_pendulum", {"time.end": 0.02, "integrator": {
-        "use": "generalized_alpha", "rho_inf": 0.6}})
-    full = march(scene.using({"reducer": "full"}))
-    scene = scene.using({"reducer": "galerkin"})
-    fast = march(scene, model=full.model, snapshots=learnt(full))
-    general = march(scene, model=with_other(full.model, Nothing()), snapshots=learnt(full))
-    for b in fast.solver.layout:
-        one, other = changes(fast, b.name), changes(general, b.name)
-        tolerance = 1e-4 if b.field == "multiplier" else 1e-8
-        assert np.abs(one - other).max() < tolerance * np.abs(one).max(), b.name
-
-
 def test_a_kept_factor_changes_no_step() -> None:
     scene = bars()
     model = coupled(scene)

@@ -89,14 +89,6 @@ def test_a_unit_of_time_does_not_change_the_start(unit: float, reducer: Any) -> 
     assert start_notes(model) == start_notes(other) == ()
 
 
-@pytest.mark.full
-@pytest.mark.parametrize("reducer", [FULL, ATOMS], ids=["full", "galerkin"])
-def test_a_scene_that_is_10_km_away_starts_the_same(reducer: Any) -> None:
-    (model, want), (other, got) = start(chain(reducer=reducer)), start(chain(1.0, 1e4, reducer))
-    force = forces(want, model)
-    np.testing.assert_allclose(forces(got, other), force, rtol=0, atol=1e-7 * np.abs(force).max())
-
-
 def driven(frequency: float, phase: float, which: str) -> Model:
     """A rigid body of 2 kg, or 0.02 kg m^2 about y, that follows a sine of 1 mm, or 1 mrad, in
     steps of a hundredth of its period. At rest at the start where the phase is pi / 2."""
