@@ -24,7 +24,6 @@ from sparsemor.core import (
 from sparsemor.core.model.block_patterns import matched_option
 from sparsemor.core.protocols.sparse_solver import solver_refusal
 from sparsemor.reducers.block_counts import block_size, required_rows
-from sparsemor.reducers.projection.ecsw.element_weights import WeightTraining
 from sparsemor.reducers.reducer_notes import (
     no_effect,
     shadowed_basis,
@@ -34,11 +33,8 @@ from sparsemor.reducers.reducer_notes import (
     unweighted,
     worse_conditioned,
 )
-from sparsemor.reducers.sparse.block_selection import BlockwiseSelection
-from sparsemor.reducers.sparse.coupled_selection import JointSelection
 from sparsemor.reducers.sparse.oblique_projection import checked_rows, row_note
 from sparsemor.reducers.sparse.option_faults import unselectable, unselectable_blocks
-from sparsemor.reducers.sparse.recovery_problem import mechanics_needs, shape_needs
 from sparsemor.reducers.sparse.resampling import Resampled, Streams, branched
 from sparsemor.reducers.sparse.residual_rows import (
     inverted_blocks,
@@ -63,7 +59,6 @@ from sparsemor.reducers.sparse.supported_equations import (
     SupportedEquations,
     SupportedMechanics,
 )
-from sparsemor.reducers.sparse.supported_steps import SparseStepper, SupportedSteps
 from sparsemor.reducers.step.blockwise_solver import BlockwiseSolver, Facts, stepper
 from sparsemor.reducers.step.compiled.compiled_stepper import compilable, no_effect_of
 from sparsemor.reducers.step.coupled_reduced import (
@@ -271,7 +266,7 @@ class Build:
         self, rows: Mapping[str, IntArray], maps: Mapping[str, TestMap],
         heat: Mapping[str, SampledHeat], elastic: Mapping[str, SampledElastic],
         facts: Mapping[str, Mapping[str, float | int | str]], row_set: int, notes: list[Note],
-    ) -> BlockwiseSolver | SparseStepper:
+    ) -> StepSolver:
         """Step solver of a model whose blocks are solved one after the other; row_set: number of
         this set of rows in the run.
 
@@ -301,6 +296,11 @@ class Build:
             base = base.with_equations(reduced_general(
                 projected, o.tolerances, o.predictor, ahead=self.offline is not None).equations)
             return compilable(base, o.compiled)
+        # what follows is imported by runs that select atoms
+        from sparsemor.reducers.sparse.block_selection import BlockwiseSelection
+        from sparsemor.reducers.sparse.coupled_selection import JointSelection
+        from sparsemor.reducers.sparse.supported_steps import SparseStepper, SupportedSteps
+
         base = replace(base, notes=(*base.notes, *no_effect_of(
             o.compiled, "atoms are selected during the run")))
         # all elastic blocks take part in the joint problem
@@ -334,6 +334,8 @@ class Build:
     ) -> None:
         """Raises InputError for a sparse solver that lacks capabilities which the problems of a
         step require. base.system.size: number of rigid coordinates and multipliers."""
+        from sparsemor.reducers.sparse.recovery_problem import mechanics_needs, shape_needs
+
         problems = {n: shape_needs(*h.block.B.shape) for n, h in selecting_heat.items()}
         if self.options.selection == "blocks":
             problems |= {n: shape_needs(*e.block.B.shape) for n, e in selecting.items()}
@@ -391,13 +393,13 @@ def step_solver(options: SparseOptions, problem: ReducedProblem) -> StepSolver:
         for n in sorted(inverted) if n not in rows}
     effects = {n: effect_of_rows(model, offline, n, step, atoms[n], rows[n])
                if n in rows else compressed[n].left for n in local if n in inverted}
-    weighed, weights = _with_element_weights(options, problem, dictionaries, effects)
+    weighed, facts, weight_notes = _with_element_weights(options, problem, dictionaries, effects)
     build = Build(
         weighed, offline, options, dictionaries, limits,
         atoms={n: b.atoms for n, b in budgets.items()}, step=step, inverted=inverted,
         compressed=compressed,
-        notes=(*unfit, *_idle_options(options, model, dictionaries, rows), *weights.notes()),
-        weights=weights.facts)
+        notes=(*unfit, *_idle_options(options, model, dictionaries, rows), *weight_notes),
+        weights=facts)
     if options.resample is None:
         return build.solver(rows)
     return _resampled(options, build, rows, later, draw)
@@ -406,15 +408,20 @@ def step_solver(options: SparseOptions, problem: ReducedProblem) -> StepSolver:
 def _with_element_weights(
     options: SparseOptions, problem: ReducedProblem, dictionaries: Mapping[str, Dictionary],
     effects: Mapping[str, FloatArray]
-) -> tuple[AssembledModel, WeightTraining]:
-    """The model with element weights in the local terms of some blocks, and their training;
-    effects (k, n): of forces on all rows of such a block on its coefficients."""
+) -> tuple[AssembledModel, Facts, tuple[Note, ...]]:
+    """The model with element weights in the local terms of some blocks, facts of these weights and
+    notes; effects (k, n): of forces on all rows of such a block on its coefficients."""
+    if not effects:
+        return problem.model, {}, ()
+    from sparsemor.reducers.projection.ecsw.element_weights import WeightTraining
+
     model, s = problem.model, problem.model.separated
     training = WeightTraining(model, problem.offline, problem.step, options.tau, dictionaries,
                               effects.__getitem__)
     heat = tuple(training.heat(b) if b.thermal in effects else b for b in s.heat)
     moving = tuple(training.elastic(m) if m.elastic in effects else m for m in s.moving)
-    return model.with_separated(replace(s, heat=heat, moving=moving)), training
+    weighed = model.with_separated(replace(s, heat=heat, moving=moving))
+    return weighed, training.facts, training.notes()
 
 
 def _idle_options(
