@@ -16,6 +16,7 @@ from sparsemor.core.simulation.training import train
 from sparsemor.core.testing.in_memory_run import scene_of
 from sparsemor.plugins.stability.spectrum import (
     eigenvalues,
+    exact_values,
     own_radii,
     own_values,
     radius,
@@ -160,6 +161,17 @@ def test_the_projected_model_grows_as_full_order_does(integrator: Any) -> None:
     assert radius(own.matrix) - radius(full.matrix) == pytest.approx(0.0, abs=2e-6)
     assert abs(eigenvalues(full.matrix)[1]) < 1.0 + 1e-6, "one growing direction, as in theory"
     assert abs(eigenvalues(own.matrix)[1]) < 1.0 + 1e-6
+
+
+def test_full_order_eigenvalues_are_those_of_the_dense_pencil() -> None:
+    model = assemble(bar(all_atoms()))
+    from scipy.linalg import eigh
+
+    for name, values in exact_values(model).items():
+        data = model.block_data(name)
+        dense = eigh(data.stiffness.toarray(), data.mass.toarray(), eigvals_only=True)
+        top = dense[len(values) - 1]
+        assert np.abs(values - dense[: len(values)]).max() < 1e-8 * top
 
 
 @pytest.mark.full

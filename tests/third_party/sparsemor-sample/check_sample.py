@@ -83,7 +83,7 @@ def test_laws_of_a_pointwise_law() -> None:
     check_load(CalmAir(on=["plate:top"], C=20.0, temperature=300.0), scene("plate").bodies)
 
 
-@pytest.mark.parametrize("reducer", ["full", "galerkin", "deim", "gnat", "lspg", "ecsw"])
+@pytest.mark.parametrize("reducer", ["full", "deim", "ecsw"])
 def test_a_plate_in_calm_air_cools_as_one_lump(reducer: str) -> None:
     """s' = -(C / (rho c H)) s^(5/4) with s = T - T_air: s^(-1/4) grows linearly."""
     chosen = {"use": "full"} if reducer == "full" else {
@@ -97,11 +97,10 @@ def test_a_plate_in_calm_air_cools_as_one_lump(reducer: str) -> None:
 
 
 def test_laws_of_the_reducer() -> None:
-    check_reducer(scene("bar", reducer="oblique"))
     check_reducer(scene("bars", reducer="oblique"))
 
 
-@pytest.mark.parametrize("name", ["ring", "gears", "bar", "bars"])
+@pytest.mark.parametrize("name", ["gears", "bars"])
 def test_scenes_keep_the_laws_of_parts(name: str) -> None:
     check_parts(scene(name))
 
