@@ -11,6 +11,7 @@ the turning frame. Rows are times the inverse of the block's own operator, so th
 near the identity for small steps; only its part in the leading (soft) modes is factorized.
 """
 
+from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
 from math import hypot, inf
@@ -152,19 +153,33 @@ class PrescribedBody:
         in the leading modes, with the weights w there (`before`), dF/dd with those of this step in
         all modes. sizes (g, 2): norms of the leading part of each matrix and of its rest, of those
         with which the iteration is made, if not G_g."""
-        sizes = self.sizes if sizes is None else sizes
+        return float(self._bound(
+            point, self.weights, self.sizes if sizes is None else sizes, np.dot))
+
+    def contraction_along(self, point: Linearisation, times: FloatArray) -> FloatArray:
+        """`contraction` (T,) of the steps that end at times (T,), s, each to the last bit the same
+        whichever the others are."""
+        g, c1, rows = len(self.G), point.c[0], self.table.along(times)
+        return self._bound(
+            point, rows[:, :g] + c1 * rows[:, g : 2 * g], self.sizes,
+            lambda table, norms: times_rows(table, norms[None])[:, 0])
+
+    def _bound(
+        self, point: Linearisation, weights: FloatArray, sizes: FloatArray,
+        product: Callable[[FloatArray, FloatArray], FloatArray],
+    ) -> FloatArray:
+        """Bound of the contraction of a step with these weights (g,), or of each of several (T, g),
+        with the Jacobian at a point; product: of weights with norms (g,)."""
         if point is not self.point:
             self.before = self._weights(point.t, point.c[0])
             self.point, self.size = point, float(np.abs(self.before).dot(sizes[:, 0]))
-        if not self.size < SMALL:
-            return inf
-        if not self.size and not self.turning.stop:
-            return 0.0
+        if not self.size and not weights.any():
+            return np.zeros(weights.shape[:-1])
         # |J^-1| <= 1 / (1 - |J - 1|); dF/dd differs from J by the weights, and outside the leading
         # modes by all of the rotation
-        off = np.abs(self.weights - self.before).dot(sizes[:, 0])
-        off += np.abs(self.weights).dot(sizes[:, 1])
-        return float(off) / (1.0 - self.size)
+        off = product(np.abs(weights - self.before), sizes[:, 0])
+        off = off + product(np.abs(weights), sizes[:, 1])
+        return np.asarray(off / (1.0 - self.size) if self.size < SMALL else off + inf)
 
     def _weights(self, t: float, c1: float) -> FloatArray:
         """Weights (g,) = kappa + c1 mu at t, s."""

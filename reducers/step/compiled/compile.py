@@ -1,10 +1,9 @@
 """Compilation of the kernel by numba, an optional package (`pip install 'sparsemor[fast]'`).
 
-The functions of dense_products.py, kernel.py, local_terms.py, reduced_equations.py and
-prescribed_body.py are plain Python; numba compiles copies of them, which call each other's compiled
-forms. Machine code is kept under a digest of the sources, so that it is never older than these,
-where only its user can have written it (`MachineCode`): numba's own files are pickles, found by an
-index that is a pickle.
+The functions of dense_products.py, kernel.py, local_terms.py and reduced_equations.py are plain
+Python; numba compiles copies of them, which call each other's compiled forms. Machine code is kept
+under a digest of the sources, so that it is never older than these, where only its user can have
+written it (`MachineCode`): numba's own files are pickles, found by an index that is a pickle.
 """
 
 import hashlib
@@ -20,82 +19,36 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any, NamedTuple, TypeAlias
 
-from sparsemor.reducers.step.compiled import (
-    dense_products,
-    kernel,
-    local_terms,
-    prescribed_body,
-    reduced_equations,
-)
+from sparsemor.reducers.step.compiled import kernel, local_terms, reduced_equations
 from sparsemor.reducers.step.compiled.machine_code import MachineCode
 
 _log = logging.getLogger(__name__)
 ArrayFunction: TypeAlias = Callable[..., object]
 """A function on arrays, which numba compiles."""
 COUNTED: tuple[ArrayFunction, ...] = (
-    dense_products.product, dense_products.add_products, local_terms.rows_of,
-    reduced_equations.add_terms, prescribed_body.corrected, prescribed_body.solve_body,
-    prescribed_body.solve_prescribed, prescribed_body.add_forces, kernel.iterate_heat,
-    kernel.solve_heat)
+    local_terms.rows_of, reduced_equations.add_terms, kernel.iterate_heat)
 """Functions that create arrays. All others are compiled without the counts of references to arrays,
 which take a third of a step."""
 
 
-def left(*given: Any) -> int:
-    """Instead of a function that solves what a model does not have."""
-    return reduced_equations.LEFT
-
-
-def left_heat(*given: Any) -> tuple[int, float]:
-    """Instead of the iteration of temperatures, where heat is linear."""
-    return reduced_equations.LEFT, 0.0
-
-
-def not_ahead(*given: Any) -> bool:
-    """Instead of temperatures of all steps at once, where that saves nothing."""
-    return False
-
-
-def no_rows(a: Any, *given: Any) -> Any:
-    """Instead of the rows of terms, where there are none."""
-    return a.offset
-
-
 def nothing(*given: Any) -> None:
-    """Instead of a part of a frame that no body has, or of the sum of no terms."""
+    """Instead of a part of a frame that no body has."""
 
 
 class Functions(NamedTuple):
     """Functions on arrays that belong to a model: that of its frames, None where no motion is
-    unknown, and those of the laws of its terms. prescribed: True if it has bodies with prescribed
-    motion; terms: True if its bodies with unknown motion have terms; unused: parts of frames that
-    none of these has. What a model does not have is not compiled."""
+    unknown, and those of the laws of its terms. unused: parts of frames that none of these has."""
 
     frame: ArrayFunction | None
     laws: tuple[ArrayFunction, ...]
-    prescribed: bool = False
-    terms: bool = False
     unused: tuple[ArrayFunction, ...] = ()
 
     @property
     def instead(self) -> dict[ArrayFunction, ArrayFunction]:
-        """Function of the kernel -> what is compiled in its place: of parts that the model does not
-        have, functions that compute nothing (some return `LEFT`, others False or no rows), and the
-        function of its frames."""
-        found: dict[ArrayFunction, ArrayFunction] = dict.fromkeys(
-            self.unused, nothing)
-        if self.frame is None:
-            found[reduced_equations.solve] = left
-        else:
+        """Function of the kernel -> what is compiled in its place."""
+        found: dict[ArrayFunction, ArrayFunction] = dict.fromkeys(self.unused, nothing)
+        if self.frame is not None:
             found[reduced_equations.evaluate_frame] = self.frame
-        if not self.prescribed:
-            found |= {prescribed_body.solve_prescribed: left, prescribed_body.add_forces: nothing}
-            if self.frame is not None:
-                found[kernel.heat_ahead] = not_ahead
-        if not self.terms:
-            found[reduced_equations.add_terms] = nothing
-        if not self.laws:
-            found |= {kernel.iterate_heat: left_heat, local_terms.rows_of: no_rows}
         return found
 
 
@@ -166,7 +119,7 @@ def compiled(
             "compiling the time step, once for all models of this kind, up to a minute "
             "(reducer.compiled: off leaves it out); machine code: %s",
             kept.folder or "not kept, since no folder is this user's alone")
-    counted = {f.__code__ for f in (*COUNTED, no_rows, creating) if isinstance(f, FunctionType)}
+    counted = {f.__code__ for f in (*COUNTED, creating) if isinstance(f, FunctionType)}
     outer = {f.__code__ for f in wanted if isinstance(f, FunctionType)}
 
     def made(f: FunctionType) -> Any:

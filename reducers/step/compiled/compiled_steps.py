@@ -14,8 +14,8 @@ from sparsemor.core.protocols.step_solver import StepBlock
 from sparsemor.core.protocols.time_function import held_reads
 from sparsemor.reducers.step.blockwise_solver import BlockwiseSolver
 from sparsemor.reducers.step.compiled.compile import Functions, compiled_advance
-from sparsemor.reducers.step.compiled.fill_arrays import body_work, model_arrays, plan, work_of
-from sparsemor.reducers.step.compiled.model_arrays import NO_HEAT, NO_PRESCRIBED, NO_TERM, RunArrays
+from sparsemor.reducers.step.compiled.fill_arrays import model_arrays, plan, work_of
+from sparsemor.reducers.step.compiled.model_arrays import RunArrays
 from sparsemor.reducers.step.jacobian_factors import Factor, Inverse
 from sparsemor.reducers.step.newton_loop import UNKNOWN, KeptJacobian, Linearisation, Loop
 from sparsemor.reducers.step.step_memory import Memory
@@ -40,17 +40,15 @@ class CompiledSteps:
     ) -> None:
         """rules: of the integrator; h: step size, s; code: makes the compiled `kernel.advance` with
         the model's functions of frames and laws. plan: arrays that do not depend on the steps."""
-        self.solver, self.h, self.plan = solver, h, plan(solver, rules.factors[0])
-        self.model = model_arrays(solver, self.plan, rules, h)
+        self.solver, self.h, self.plan = solver, h, plan(solver)
+        self.model = model_arrays(solver, rules, h)
         m = self.model
         self._c = m.c1, m.c2, m.c1_first, m.c2_first
         self._advance = code(self.plan.functions)
-        self._arrays = (
-            self.model, self.plan.heat or (NO_HEAT,), self.plan.bodies,
-            self.plan.terms or (NO_TERM,), self.plan.prescribed or (NO_PRESCRIBED,),
-            work_of(self.model), body_work(self.plan.bodies))
+        self._arrays = self.model, self.plan.heat, self.plan.arrays, work_of(self.model)
         self._block_length, self._factor = LONGEST, cast("Factor | None", None)
         self._inverse, none = np.zeros((0, 0)), np.zeros(0)
+        self._spans = np.zeros((0, 2), dtype=np.int64)
         self._attitudes = np.zeros((0, 4, 4, 4))
         # times, functions of time and rows by time alone, tabulated for the next steps; False where
         # a controller sets one of them anew in each step
@@ -61,7 +59,7 @@ class CompiledSteps:
     def advance(self, state: State, memory: Memory, count: int) -> StepBlock:
         """Solves up to `count` steps; none where reference magnitudes are unknown, as at the start,
         and none that does not converge even with a Jacobian of the last state."""
-        moves = self.plan.equations is not None or self.plan.prescribed
+        moves = self.plan.arrays.moves
         # full_newton_steps_left: number of next steps that need the exact Jacobian of all unknowns
         # kept.top: largest value of each block so far, to which changes are relative
         if memory.full_newton_steps_left or (moves and not memory.kept.top.any()):
@@ -74,7 +72,7 @@ class CompiledSteps:
             block, renew = self._solved(state, memory, times, timed, base)
         if renew and block:
             self._linearize(block.state(len(block) - 1), memory)
-        if self.plan.prescribed:  # whose heat of all steps is solved first, in vain after a stop
+        if self.plan.arrays.prescribed:  # products with temperatures, for all steps, are large
             # next block: four times as long after one without a stop, else twice what was solved
             done = len(block)
             longer = 4 * self._block_length if done == len(times) else 2 * done + 2
@@ -90,7 +88,7 @@ class CompiledSteps:
             self._take_jacobians(state, memory)
         run = self._run_arrays(state, memory)
         states, effort = np.empty((len(times), *run.z.shape)), np.zeros((len(times), 2))
-        done = self._advance(*self._arrays, run, timed, base,
+        done = self._advance(*self._arrays, run, timed, base, self._bounds(memory, times),
                              np.zeros((3, *base.shape)), states, effort)
         for name, heat in zip(self.plan.heat_groups, self.plan.heat, strict=True):
             if heat.inverse.size and not heat.ready[0]:  # it contracts too slowly
@@ -128,8 +126,8 @@ class CompiledSteps:
             longest = LONGEST if self._tabulated else 1
             ends = accumulate([self.h] * min(count, longest), next_time, initial=t)
             times, first, reads = np.array([*ends][1:]), 0, held_reads()
-            timed, n = self.plan.timed.along(times), self.model.new.shape[1]
-            table = times, timed, self.plan.base_along(times, timed, n)
+            timed = self.plan.timed.along(times)
+            table = times, timed, self.plan.base_along(times, timed)
             if held_reads() != reads:  # a held value of a controller was read: valid for one step
                 self._tabulated, (times, timed, base) = False, (a[:1] for a in table)
                 return times, timed, base
@@ -143,7 +141,7 @@ class CompiledSteps:
         a restart: of mechanics as an inverse with the attitudes (unit quaternions) from which its
         bodies turn; of thermal blocks in `heat.inverse`, with heat.ready[0] = 1 if there is one."""
         kept, equations = memory.kept, self.plan.equations
-        if equations is not None:
+        if self.plan.arrays.moves:
             if kept.point is None or kept.point.c != self._c:
                 self._linearize(state, memory)
             if kept.factor is None or not len(kept.noise):
@@ -156,9 +154,12 @@ class CompiledSteps:
                 self._factor, at = kept.factor, self.solver.layout.quaternions
                 self._attitudes = turns_from(np.array(
                     [kept.point.x[i : i + 4] for i in at]).reshape(len(at), 4))
-                n = len(np.arange(self.solver.layout.size)[equations.solved])
+                n = len(self.plan.arrays.solved)
                 self._inverse = (kept.factor.inverse if isinstance(kept.factor, Inverse)
                                  else kept.factor.solve(np.eye(n)))
+                if len(some := self._inverse != 0.0):
+                    self._spans = np.stack((
+                        some.argmax(axis=1), len(some) - some[:, ::-1].argmax(axis=1)), axis=1)
         for name, heat in zip(self.plan.heat_groups, self.plan.heat, strict=True):
             if not heat.inverse.size:
                 continue
@@ -171,12 +172,22 @@ class CompiledSteps:
                 heat.inverse[:] = dgetri(*known.factors[:2])[0]
                 self._heat_points[name] = known.at
 
+    def _bounds(self, memory: Memory, times: FloatArray) -> FloatArray:
+        """Proved contraction (T,) with the kept Jacobian of the steps that end at `times`; inf
+        where none is known."""
+        equations, point = memory.work.of(self.plan.equations), memory.kept.point
+        if not equations.linear or point is None:
+            return np.full(len(times), np.inf)
+        return np.asarray(np.max(
+            [b.contraction_along(point, times) for b in equations.prescribed_bodies], axis=0))
+
     def _run_arrays(self, state: State, memory: Memory) -> RunArrays:
         past, kept = memory.past, memory.kept
         by_departure = np.zeros(past.n, dtype=np.bool_) if past.by_departure is None else (
             past.by_departure.copy())
+        noise = kept.noise if len(kept.noise) else np.zeros(len(kept.top))
         return RunArrays(
             np.concatenate((np.stack((state.x, state.v, state.a)), state.memory.T)),
             past.ring.rows, np.array([past.ring.newest, past.ring.filled]), by_departure, kept.top,
-            kept.rate, kept.noise, self._inverse, self._attitudes,
+            kept.rate, noise, self._inverse, self._spans, self._attitudes,
             np.array([kept.least, kept.debt, 0]), np.zeros(1))

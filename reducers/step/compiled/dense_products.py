@@ -1,45 +1,41 @@
 """Products of dense matrices as functions that numba compiles."""
 
-import numpy as np
-
 from sparsemor.core import FloatArray
 
 TOGETHER = 8
 """Number of vectors that are multiplied together."""
 
 
-def product(A: FloatArray, x: FloatArray) -> FloatArray:
-    """A x for a matrix A (s, k), or (1, k) for a diagonal."""
-    y: FloatArray = A[0] * x if len(A) == 1 and len(x) > 1 else np.dot(A, x)
-    return y
-
-
-def add_product(A: FloatArray, x: FloatArray, y: FloatArray, rows: int, columns: int) -> None:
-    """Adds to y the first `columns` of x A, for A with this many rows, filled up with zeros to a
-    multiple of 4; x has as many numbers."""
-    for i in range(0, rows, 4):
+def add_product(A: FloatArray, x: FloatArray, y: FloatArray) -> None:
+    """Adds x A to y (s,), for A (k, s), or its first s columns, and the first k numbers of x."""
+    k = len(A)
+    for i in range(0, k - 3, 4):
         A0, A1, A2, A3 = A[i], A[i + 1], A[i + 2], A[i + 3]
         x0, x1, x2, x3 = x[i], x[i + 1], x[i + 2], x[i + 3]
-        for j in range(columns):
+        for j in range(len(y)):
             y[j] += A0[j] * x0 + A1[j] * x1 + A2[j] * x2 + A3[j] * x3
+    for i in range(k - k % 4, k):
+        A0, x0 = A[i], x[i]
+        for j in range(len(y)):
+            y[j] += A0[j] * x0
+
+
+def add_operator(A: FloatArray, x: FloatArray, y: FloatArray) -> None:
+    """Adds x A to the first k numbers of y, for a square matrix A (k, k), or a diagonal (1, k)."""
+    k = A.shape[1]
+    if len(A) == k:
+        add_product(A, x, y[:k])
+    else:
+        for j in range(k):
+            y[j] += A[0, j] * x[j]
 
 
 def add_products(A: FloatArray, x: FloatArray, first: int, y: FloatArray, start: int) -> None:
     """Adds x A to y for A (k, s), columns from `first` on of x (T, n) and from `start` on of y (T,
     n). A matrix that does not fit into the cache is read once for several steps; the sums of a step
     are the same whichever the others are."""
-    k, s = A.shape
+    last = start + A.shape[1]
     for begin in range(0, len(x), TOGETHER):
-        end = min(begin + TOGETHER, len(x))
-        for c in range(0, k - 3, 4):
-            A0, A1, A2, A3, at = A[c], A[c + 1], A[c + 2], A[c + 3], first + c
-            for t in range(begin, end):
-                x0, x1, x2, x3 = x[t, at], x[t, at + 1], x[t, at + 2], x[t, at + 3]
-                row = y[t][start : start + s]
-                for j in range(s):
-                    row[j] += x0 * A0[j] + x1 * A1[j] + x2 * A2[j] + x3 * A3[j]
-        for c in range(k - k % 4, k):
-            for t in range(begin, end):
-                row = y[t][start : start + s]
-                for j in range(s):
-                    row[j] += x[t, first + c] * A[c, j]
+        for c in range(0, len(A), 4):
+            for t in range(begin, min(begin + TOGETHER, len(x))):
+                add_product(A[c : c + 4], x[t, first + c :], y[t, start:last])

@@ -23,10 +23,9 @@ def points_of(term: ReducedTerm | ProjectedLocal, name: str) -> PointArrays:
 
 def local_arrays(
     terms: Sequence[ReducedTerm | ProjectedLocal], name: str, laws: list[ArrayFunction],
-    timed: Timed, first: int = 0
+    timed: Timed
 ) -> LocalArrays:
-    """Terms of one block, stacked; first: that of the inputs, without those that no term depends
-    on. Functions of new laws are added to `laws`."""
+    """Terms of one block, stacked. Functions of new laws are added to `laws`."""
     found = [points_of(term, name) for term in terms]
     if not found:
         return NO_LOCAL
@@ -67,7 +66,7 @@ def local_arrays(
         np.ascontiguousarray(np.concatenate(
             [np.pad(x, ((0, axes - len(x)), (0, 0))) for x in (one.coordinates for one in found)],
             axis=1)),
-        np.ascontiguousarray(np.concatenate([one.P[:, first:] for one in found])),
+        np.ascontiguousarray(np.concatenate([one.P for one in found])),
         np.concatenate([one.offset for one in found]), effects,
         np.array([(min(r, default=0), max(r, default=0)) for r in rated], dtype=np.int64),
         np.array(reads, dtype=np.int64).reshape(-1, 3),

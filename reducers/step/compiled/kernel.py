@@ -12,68 +12,60 @@ import numpy as np
 from sparsemor.core import FloatArray
 from sparsemor.core.protocols.integrator import same_time
 from sparsemor.core.protocols.poses import steered, tangent
-from sparsemor.reducers.step.compiled.dense_products import product
-from sparsemor.reducers.step.compiled.local_terms import rows_of
+from sparsemor.reducers.step.compiled.dense_products import add_operator, add_products
+from sparsemor.reducers.step.compiled.local_terms import LocalArrays, rows_of
 from sparsemor.reducers.step.compiled.model_arrays import (
-    BodyArrays,
-    BodyWork,
+    EquationArrays,
     HeatArrays,
     ModelArrays,
+    OperatorArrays,
     PrescribedArrays,
     RunArrays,
     StepArrays,
-    TermArrays,
 )
-from sparsemor.reducers.step.compiled.prescribed_body import add_forces, solve_prescribed
 from sparsemor.reducers.step.compiled.reduced_equations import LEFT, motion, remember, solve
 from sparsemor.reducers.step.convergence_test import estimated_error
 from sparsemor.reducers.step.thermal_block import RENEWED, SLOW, TINY
 
 ROUND_OFF = same_time(1.0)
 """Largest second difference that is round-off, relative to the unknown."""
-PRICE = 100
-"""Cost of a new Jacobian, which is not compiled, in compiled iterations."""
 
 
 def advance(
-    m: ModelArrays, heat: tuple[HeatArrays, ...], bodies: BodyArrays, terms: tuple[TermArrays, ...],
-    prescribed: tuple[PrescribedArrays, ...], w: StepArrays, own: BodyWork, run: RunArrays,
-    timed: FloatArray, base: FloatArray, ahead: FloatArray, states: FloatArray, effort: FloatArray,
+    m: ModelArrays, heat: tuple[HeatArrays, ...], eq: EquationArrays, w: StepArrays, run: RunArrays,
+    timed: FloatArray, base: FloatArray, bounds: FloatArray, ahead: FloatArray, states: FloatArray,
+    effort: FloatArray,
 ) -> int:
     """Takes up to len(timed) steps and returns how many were solved; `run` is then at the last of
     these.
 
     timed (T, q): amplitudes, tables and prescribed motion in each step; base (T, n): the part of
-    the residual that depends on time alone; ahead (3, T, n): working array of zeros; states (T, q,
-    n), effort (T, 2): states, and numbers of iterations with the estimated errors that they leave.
+    the residual that depends on time alone; bounds (T,): proved contraction of each step, inf for
+    none; ahead (3, T, n): working array; states (T, q, n), effort (T, 2): states, and numbers of
+    iterations with the estimated errors that they leave.
     """
     n, first, last = len(w.d), m.first[0], m.first[1]
-    T_ahead, d_ahead, forces = ahead[0], ahead[1], ahead[2]
-    heat_known = heat_ahead(m, heat, w, run.z, timed, base, T_ahead, d_ahead)
-    add_forces(prescribed, T_ahead, forces, 0, len(T_ahead) if heat_known else 0)
+    T_ahead, d_ahead, rows = ahead[0], ahead[1], ahead[2]
+    heat_known = heat_ahead(m, heat, eq.prescribed, w, run.z, timed, base, T_ahead, d_ahead)
+    if heat_known:
+        with_thermal(eq.thermal, T_ahead, base, rows)
     for i in range(len(timed)):
-        predicted(m, run, w, base[i])
+        predicted(m, run, w)
+        count, heat_error = 1, 0.0
         if heat_known:
             for j in range(first, last):
                 w.d[j] = d_ahead[i, j]
             motion(m, w)
-        count, heat_error = 1, 0.0
-        if not heat_known:
-            for h in heat:
-                taken, error = solve_heat(h, m, w, timed[i], base[i], run.ring[run.at[0], :n])
-                if taken == LEFT:
-                    return i
-                count, heat_error = max(count, taken), max(heat_error, error)
+        else:
+            count, heat_error = solve_all_heat(
+                m, heat, w, timed[i], base[i], run.ring[run.at[0], :n])
             for j in range(first, last):
                 T_ahead[i, j] = w.X[0, j]
-            add_forces(prescribed, T_ahead, forces, i, i + 1)
+            now = slice(i, i + 1)
+            with_thermal(eq.thermal, T_ahead[now], base[now], rows[now])
         run.remaining[0] = 0.0
-        if len(bodies.k):
-            for j in range(first, last):
-                w.base[j] = -w.d[j]
-            count = solve(m, bodies, terms, w, own, run, timed[i])
-        elif len(prescribed[0].inertia):
-            count = solve_prescribed(m, prescribed, run, w, timed[i], forces[i])
+        if eq.moves and count != LEFT:
+            count = solve(m, eq, w, run, rows[i], timed[i], bounds[i])
         if count == LEFT:
             return i
         run.remaining[0] = max(run.remaining[0], heat_error)
@@ -84,59 +76,75 @@ def advance(
         if not size <= 1.0:
             return i
         accept(m, run, w)
-        for h in heat:
-            if len(h.inverse):
+        if len(heat) > 0:
+            for h in heat:
                 h.ready[0] %= 2
         for r in range(len(run.z)):
             for j in range(n):
                 states[i, r, j] = run.z[r, j]
         effort[i, 0], effort[i, 1] = count, run.remaining[0]
-        if run.effort[1] >= PRICE:
+        if run.effort[1] >= eq.price:
             run.effort[2] = 1
             return i + 1
     return len(timed)
 
 
-def predicted(m: ModelArrays, run: RunArrays, w: StepArrays, base: FloatArray) -> None:
-    """Free motion and guessed departure d of the next step, and its rows `base` (n,) that depend on
-    time alone, in w; w.guess (2 n,): extrapolated unknowns, then extrapolated departures, of which
-    run.by_departure selects one for each unknown."""
+def predicted(m: ModelArrays, run: RunArrays, w: StepArrays) -> None:
+    """Free motion and guessed departure d of the next step, in w; w.guess (2 n,): extrapolated
+    unknowns, then extrapolated departures, of which run.by_departure selects one for each
+    unknown."""
     n = len(w.d)
     free_motion(m, run.z, w.free, 0, n)
     predict(m, run, w.guess)
     for j in range(n):
         w.d[j] = w.guess[n + j] if run.by_departure[j] else w.guess[j] - w.free[0, j]
-        w.base[j] = base[j]
     for start in m.quaternions:
         steered(w.d[start : start + 4], w.free[0, start : start + 4])
     motion(m, w)
 
 
 def heat_ahead(
-    m: ModelArrays, heat: tuple[HeatArrays, ...], w: StepArrays, z: FloatArray, timed: FloatArray,
-    base: FloatArray, x: FloatArray, d: FloatArray
+    m: ModelArrays, heat: tuple[HeatArrays, ...], prescribed: tuple[PrescribedArrays, ...],
+    w: StepArrays, z: FloatArray, timed: FloatArray, base: FloatArray, x: FloatArray, d: FloatArray
 ) -> bool:
     """Temperatures x and their departures d from the free motion (T, n) in all steps from the state
-    z, as they depend on no other unknowns; False where there are local terms. w.past (q, n): state
-    after each step, free + new d."""
+    z, as they depend on no other unknowns; False where there are local terms, and without
+    prescribed motion, where blocks of steps stop too often. w.past (q, n): state after each step,
+    free + new d."""
     first, last = m.first[0], m.first[1]
-    for h in heat:
-        if len(h.local.terms):
-            return False
-    for r in range(len(z)):
-        for j in range(first, last):
-            w.past[r, j] = z[r, j]
-    for i in range(len(timed)):
-        free_motion(m, w.past, w.free, first, last)
-        w.d[:] = 0.0
-        motion(m, w)
-        for h in heat:  # the last argument, temperatures before, is for local terms alone
-            solve_heat(h, m, w, timed[i], base[i], w.d)
-        for j in range(first, last):
-            d[i, j], x[i, j] = w.d[j], w.X[0, j]
-            for r in range(len(z)):
-                w.past[r, j] = w.free[r, j] + m.new[r, j] * d[i, j]
+    if len(prescribed) == 0:
+        return False
+    if len(heat) > 0:
+        for h in heat:
+            if len(h.local) > 0:
+                return False
+        for r in range(len(z)):
+            for j in range(first, last):
+                w.past[r, j] = z[r, j]
+        for i in range(len(timed)):
+            free_motion(m, w.past, w.free, first, last)
+            w.d[:] = 0.0
+            motion(m, w)
+            # the last argument, temperatures before, is for local terms alone
+            solve_all_heat(m, heat, w, timed[i], base[i], w.d)
+            for j in range(first, last):
+                d[i, j], x[i, j] = w.d[j], w.X[0, j]
+                for r in range(len(z)):
+                    w.past[r, j] = w.free[r, j] + m.new[r, j] * d[i, j]
     return True
+
+
+def with_thermal(
+    thermal: tuple[OperatorArrays, ...], x: FloatArray, base: FloatArray, rows: FloatArray
+) -> None:
+    """Rows (T, n): base, and the terms of temperatures in the rows of displacements at the unknowns
+    x (T, n)."""
+    for t in range(len(x)):
+        for j in range(x.shape[1]):
+            rows[t, j] = base[t, j]
+    if len(thermal) > 0:
+        for c in thermal:
+            add_products(c.A, x, c.columns, rows, c.rows)
 
 
 def free_motion(m: ModelArrays, z: FloatArray, free: FloatArray, first: int, last: int) -> None:
@@ -186,41 +194,50 @@ def accept(m: ModelArrays, run: RunArrays, w: StepArrays) -> None:
                 run.z[2, start : start + 4])
 
 
-def solve_heat(
-    h: HeatArrays, m: ModelArrays, w: StepArrays, timed: FloatArray, base: FloatArray,
-    last: FloatArray,
+def solve_all_heat(
+    m: ModelArrays, heat: tuple[HeatArrays, ...], w: StepArrays, timed: FloatArray,
+    base: FloatArray, last: FloatArray,
 ) -> tuple[int, float]:
-    """Solves a thermal block (thermal_block.py), in place; returns the number of iterations, or
-    LEFT, and the estimated error. last (n,): unknowns of the last step. Increments without local
-    terms are by_rate T' + by_value T - base, with the prediction T, T' and the rows `base` (n,)
-    that depend on time alone."""
-    x, v, d, c1 = w.X[0], w.X[1], w.d, m.c1_first
-    r = product(h.by_rate, v[h.at]) + product(h.by_value, x[h.at]) - base[h.at]
-    count, error = 1, 0.0
-    if len(h.local.terms):
-        count, error = iterate_heat(h, m, timed, x[h.at], v[h.at], last[h.at], r)
-        if count == LEFT:
-            return LEFT, 0.0
-    for j in range(len(r)):
-        i = h.at[j]
-        d[i] += r[j]
-        x[i] += r[j]
-        v[i] += c1 * r[j]
-    return count, error
+    """Solves the thermal blocks (thermal_block.py), in place; returns the largest number of
+    iterations, or LEFT, and the estimated error. last (n,): unknowns of the last step. Increments
+    without local terms are by_rate T' + by_value T - base, with the prediction T, T' and the rows
+    `base` (n,) that depend on time alone."""
+    most, error = 1, 0.0
+    if len(heat) > 0:
+        for h in heat:
+            for j in range(len(h.at)):
+                i = h.at[j]
+                h.x[j], h.v[j], h.r[j] = w.X[0, i], w.X[1, i], -base[i]
+            add_operator(h.by_rate, h.v, h.r)
+            add_operator(h.by_value, h.x, h.r)
+            count, left = iterate_heat(h, h.local, m, timed, last)
+            if count == LEFT:
+                return LEFT, 0.0
+            most, error = max(most, count), max(error, left)
+            for j in range(len(h.at)):
+                i = h.at[j]
+                w.d[i] += h.r[j]
+                w.X[0, i] += h.r[j]
+                w.X[1, i] += m.c1_first * h.r[j]
+    return most, error
 
 
 def iterate_heat(
-    h: HeatArrays, m: ModelArrays, timed: FloatArray, x: FloatArray, v: FloatArray,
-    last: FloatArray, r: FloatArray
+    h: HeatArrays, local: tuple[LocalArrays, ...], m: ModelArrays, timed: FloatArray,
+    last: FloatArray,
 ) -> tuple[int, float]:
-    """Increments of a thermal block with local terms by Newton's method with the kept Jacobian, in
-    r, which has those without local terms; returns the number of iterations, or LEFT, and the
-    estimated relative error. x, v: temperatures at the prediction, with rates; last: before."""
-    far, top, c1, c2 = 0.0, 0.0, m.c1_first, m.c2_first
-    bend = np.zeros(len(x))
+    """Increments of a thermal block with `local` terms by Newton's method with the kept Jacobian,
+    in h.r, which has those without local terms; returns the number of iterations, or LEFT, and the
+    estimated relative error. h.x, h.v: temperatures at the prediction, with rates; last (n,):
+    unknowns of the last step."""
+    if len(local) == 0 or len(h.inverse) == 0:
+        return 1, 0.0
+    x, v, r, c1, c2 = h.x, h.v, h.r, m.c1_first, m.c2_first
+    far, top, bend = 0.0, 0.0, np.zeros(len(x))
     for i in range(len(x)):
-        far, top = max(far, abs(x[i] - last[i])), max(top, abs(last[i]))
-        bend[i] = (last[i] - x[i]) + m.h * v[i]
+        before = last[h.at[i]]
+        far, top = max(far, abs(x[i] - before)), max(top, abs(before))
+        bend[i] = (before - x[i]) + m.h * v[i]
         if c2 == 0.0 or abs(bend[i]) <= ROUND_OFF * abs(x[i]):
             bend[i] = 0.0
         bend[i] *= 2.0 / m.h**2
@@ -229,7 +246,7 @@ def iterate_heat(
     d, before, first = np.zeros(len(x)), inf, 0.0
     for iteration in range(1, h.iterations + 1):
         step = np.dot(
-            h.inverse, d - r + rows_of(h.local, timed, x + d, v + c1 * d, bend + c2 * d))
+            h.inverse, d - r + rows_of(local[0], timed, x + d, v + c1 * d, bend + c2 * d))
         change, size, total = 0.0, 0.0, 0.0
         for j in range(len(d)):
             change, total = max(change, abs(step[j])), total + abs(step[j])

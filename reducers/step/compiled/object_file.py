@@ -62,7 +62,7 @@ class _Data:
         if hasattr(value, "_fields"):
             return f"{type(value).__name__}({', '.join(map(self.put, value))})"
         if isinstance(value, tuple):
-            return f"({', '.join(map(self.put, value))},)"
+            return f"({''.join(f'{self.put(v)}, ' for v in value)})"
         return repr(value.item() if isinstance(value, np.generic) else value)
 
     def size(self, kind: str) -> int:
@@ -92,10 +92,10 @@ def machine_steps(solver: BlockwiseSolver, of: MachineRequest[Memory]) -> Machin
     run = {name: data.put(a) for name, a in _at_start(solver, steps, of)._asdict().items()}
     q, by_input, values = _in_time(steps, of, n)
     varying = np.flatnonzero(np.ptp(values, axis=0))
-    k = steps.model.solved.size if steps.plan.equations is not None else 0
-    # working arrays of `take`: ahead, states, effort, J
-    more = np.zeros((3, 1, n)), np.zeros((1, len(steps.model.new), n)), np.zeros((1, 2)), np.zeros(
-        (k, k))
+    k = len(steps.plan.arrays.solved)
+    # arrays of `take`: bounds, and working arrays ahead, states, effort, J
+    sizes = (3, 1, n), (1, len(steps.model.new), n), (1, 2), (k, k)
+    more = np.full(1, np.inf), *map(np.zeros, sizes)
     expressions = {
         "z": run["z"], "timed": data.put(np.zeros((1, q))), "base": data.put(np.zeros((1, n))),
         "values": data.put(values[0]), "numbers": data.put(varying.astype(np.int64)),
@@ -130,12 +130,11 @@ def _at_start(
             in_python.advance(state, after.copy(), 1)
         except (IndexError, ValueError) as error:
             raise InputError(f"its arrays do not fit each other ({error})") from None
-    kept, k, quaternions = after.kept, steps.model.solved.size, len(layout.quaternions)
-    if steps.plan.equations is None:
-        k = 0
+    kept, k, quaternions = after.kept, len(steps.plan.arrays.solved), len(layout.quaternions)
     run = steps._run_arrays(of.state, memory)
     return run._replace(
         top=kept.top, rate=kept.rate, noise=np.zeros(len(kept.top)), inverse=np.zeros((k, k)),
+        spans=np.array(k * [[0, k]], dtype=np.int64).reshape(k, 2),
         attitudes=np.zeros((quaternions, 4, 4, 4)), effort=np.array([UNKNOWN, 0, 1]))
 
 
@@ -150,7 +149,7 @@ def _in_time(
     def along(inputs: FloatArray, times: FloatArray) -> FloatArray:
         with holding(HeldValues(zip(of.inputs, inputs.tolist(), strict=True))):
             timed = plan.timed.along(times)
-            return np.hstack((timed, plan.base_along(times, timed, n)))
+            return np.hstack((timed, plan.base_along(times, timed)))
 
     size, at = np.maximum(np.abs(first), 1.0), of.times[:1]
     rest = along(first, at)

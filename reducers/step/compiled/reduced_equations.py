@@ -1,17 +1,23 @@
 """Mechanical equations of one step and their iteration as functions on arrays (model_arrays.py):
-those of reduced_equations.py and newton_loop.py, name by name. A step that needs a new Jacobian is
-left to these."""
+those of reduced_equations.py, prescribed_body.py and newton_loop.py, name by name. A step that
+needs a new Jacobian is left to these.
 
-from math import inf
+Parts of a model are tuples; `if len(parts) > 0` tells numba at compile time that a model has none.
+Loops run over slices: numba looks for negative numbers in an index that does not begin at zero.
+"""
+
+from math import inf, sqrt
 
 from sparsemor.core import FloatArray, IntArray
-from sparsemor.reducers.step.compiled.dense_products import add_product
+from sparsemor.reducers.step.compiled.dense_products import add_operator, add_product
 from sparsemor.reducers.step.compiled.local_terms import rows_of
 from sparsemor.reducers.step.compiled.model_arrays import (
-    BodyArrays,
-    BodyWork,
+    EquationArrays,
     ModelArrays,
+    OperatorArrays,
+    PrescribedArrays,
     RunArrays,
+    StackArrays,
     StepArrays,
     TermArrays,
 )
@@ -20,6 +26,7 @@ from sparsemor.reducers.step.convergence_test import (
     EPS,
     MARGIN,
     NEGLIGIBLE,
+    TRUSTED,
     estimated_error,
 )
 from sparsemor.reducers.step.newton_loop import PATIENCE, SLOW
@@ -36,73 +43,107 @@ def motion(m: ModelArrays, w: StepArrays) -> None:
             X[i] = free[i] + new[i] * w.d[i]
 
 
-def begin(m: ModelArrays, terms: tuple[TermArrays, ...], w: StepArrays, timed: FloatArray) -> None:
-    """Adds to w.base what the free motion and the final temperatures contribute."""
-    first = m.atoms[0]
-    for of in range(3):
-        x = w.X[0][first:] if of == 2 else w.free[of][first:]
-        for i in range(m.of_motion.shape[1]):
-            row, total = m.of_motion[of, i], 0.0
-            for j in range(m.ends[of, i, 0], m.ends[of, i, 1]):
-                total += row[j] * x[j]
-            w.base[first + i] += total
-    add_terms(terms, w, timed, True, w.base)
+def begin(
+    m: ModelArrays, eq: EquationArrays, w: StepArrays, base: FloatArray, timed: FloatArray
+) -> None:
+    """The rows without what each iteration adds to them, in w.base: `base` (n,), which depends on
+    time and final temperatures, with constant operators of the free motion, and terms that depend
+    on temperatures alone. The rows d + base of temperatures, which are known, are zero."""
+    for i in range(len(base)):
+        w.base[i] = base[i]
+    for i in range(m.first[0], m.first[1]):
+        w.base[i] = -w.d[i]
+    add_operators(eq.constants, w)
+    add_terms(eq.known, w, timed, w.base)
+
+
+def add_operators(constants: tuple[OperatorArrays, ...], w: StepArrays) -> None:
+    """Adds constant operators of the free motion to w.base."""
+    if len(constants) > 0:
+        for c in constants:
+            add_operator(c.A, w.free[c.of][c.columns :], w.base[c.rows :])
 
 
 def add_terms(
-    terms: tuple[TermArrays, ...], w: StepArrays, timed: FloatArray, known: bool, r: FloatArray
+    terms: tuple[TermArrays, ...], w: StepArrays, timed: FloatArray, r: FloatArray
 ) -> None:
-    """Adds to r the terms that depend on temperatures alone (`known`), or the others."""
-    for t in terms:
-        if t.known == known:
+    """Adds these terms to r."""
+    if len(terms) > 0:
+        for t in terms:
             found = rows_of(
                 t.local, timed, w.X[0][t.columns], w.X[1][t.columns], w.X[2][t.columns])
             for i in range(len(t.rows)):
                 r[t.rows[i]] += found[i]
 
 
-def evaluate(
-    b: BodyArrays, own: BodyWork, X: FloatArray, timed: FloatArray
+def add_rotations(
+    bodies: tuple[PrescribedArrays, ...], X: FloatArray, timed: FloatArray, r: FloatArray
 ) -> None:
-    """Evaluates the frames of all bodies at the unknowns with their rates X (3, n), into `own`
-    (arrays of `FrameWork`). Of body i: e first of k displacements u, g inertia matrices, n
-    contributions; y (3, b): border unknowns with their rates; s (3, p) = P^T (u, u', u''); forms
-    (3 g,) = u.Q_g u of all g, then with u', then with u''."""
-    for i in range(len(b.k)):
-        e, k, g, p, n = b.e[i], b.k[i], b.g[i], b.P.shape[2], b.items[i]
-        y, s, back, forms = own.y[i], own.s[i], own.back[i], own.forms[i]
+    """Adds sum_g G_g (kappa_g u + mu_g u') of bodies with prescribed motion to r."""
+    if len(bodies) > 0:
+        for b in bodies:
+            for g in range(len(b.G)):
+                kappa, mu = timed[b.table + g], timed[b.table + len(b.G) + g]
+                if kappa != 0.0 or mu != 0.0:
+                    end = b.at + len(b.inertia)
+                    u, v = X[0][b.at : end], X[1][b.at : end]
+                    for j in range(len(b.inertia)):
+                        b.inertia[j] = kappa * u[j] + mu * v[j]
+                    add_product(b.G[g], b.inertia, r[b.at : end])
+
+
+def add_bodies(
+    stacks: tuple[StackArrays, ...], X: FloatArray, timed: FloatArray, r: FloatArray
+) -> None:
+    """Adds the rows of frames, and their forces on displacements, to r."""
+    if len(stacks) > 0:
+        for b in stacks:
+            add_stack(b, X, timed, r)
+
+
+def add_stack(b: StackArrays, X: FloatArray, timed: FloatArray, r: FloatArray) -> None:
+    """Adds the rows of the frames of a stack at the unknowns with their rates X (3, n), and sum_g
+    G_g (kappa_g u + mu_g u') + E sigma in the rows of its displacements, to r."""
+    y, s, products, size, last = b.y, b.s, b.products, b.P.shape[1], len(b.H)
+    for i in range(len(b.bodies)):
+        n, at, k, g, guide, rigid, first, end = b.bodies[i]
         y[:] = 0.0
-        for j in range(y.shape[1]):
+        for j in range(last):
             y[0, j] = b.origin[i, j]
-        for j in range(b.entries[i]):
-            row, column, value = b.rows[i, j], b.columns[i, j], b.values[i, j]
-            for r in range(3):
-                y[r, row] += value * X[r, column]
-        if b.guide[i] >= 0:
-            for r in range(3):
-                for j in range(b.rigid[i]):
-                    y[r, j] += timed[b.guide[i] + r * b.rigid[i] + j]
-        for r in range(3):
-            row = s[r]
-            row[:] = 0.0
-            for j in range(k):
-                P, u = b.P[i, j], X[r, e + j]
-                for o in range(p):
-                    row[o] += u * P[o]
-        back[:] = 0.0
-        add_product(b.Q[i], X[0][e:], back, k, g * k)
+        for j in range(first, end):
+            row, column, value = b.rows[j], b.columns[j], b.values[j]
+            for c in range(3):
+                y[c, row] += value * X[c, column]
+        if guide >= 0:
+            for c in range(3):
+                for j in range(rigid):
+                    y[c, j] += timed[guide + c * rigid + j]
+        s[:], products[:] = 0.0, 0.0
+        for c in range(3):
+            add_product(b.P[i][:k], X[c][at:], s[c])
+        add_product(b.Q[i][:k], X[0][at:], products)
         for f in range(g):
-            for r in range(3):
-                u, total = X[r][e : e + k], 0.0
-                for j in range(k):
-                    total += u[j] * back[f * k + j]
-                forms[r * g + f] = total
+            for c in range(3):
+                x, product, total = X[c][at : at + k], products[f * size : f * size + k], 0.0
+                for j in range(len(x)):
+                    total += x[j] * product[j]
+                b.forms[c * g + f] = total
         for j in range(n):
-            own.gains[i, j] = 1.0 if b.gains[i, j] < 0 else timed[b.gains[i, j]]
+            b.gained[j] = 1.0 if b.gains[i, j] < 0 else timed[b.gains[i, j]]
+        b.sigma[last], b.H[:] = 0.0, 0.0
         evaluate_frame(
-            b.kinds[i][:n], b.numbers[i], b.starts[i], own.gains[i], y[0], y[1], y[2], 0.0, 0.0,
-            s if k else own.nothing, forms[: 3 * g], own.sigma[i], own.tau[i], own.H[i],
-            own.coefficients[i, : 2 * g + 1], own.sums)
+            b.kinds[i][:n], b.numbers[i], b.starts[i], b.gained, y[0], y[1], y[2], 0.0, 0.0,
+            s if k else b.nothing, b.forms[: 3 * g], b.sigma, b.tau, b.H,
+            b.coefficients[: 2 * g + 1], b.sums)
+        for j in range(first, end):
+            r[b.columns[j]] += b.values[j] * b.H[b.rows[j], last]
+        for f in range(g):
+            kappa, mu, product = b.coefficients[f], b.coefficients[g + f], products[f * size :]
+            u, v = X[0][at : at + k], X[1][at : at + k]
+            for j in range(len(u)):
+                product[j] = kappa * u[j] + mu * v[j]
+        add_product(b.G[i][: g * size], products, r[at : at + k])
+        add_product(b.E[i], b.sigma[last], r[at : at + k])
 
 
 def evaluate_frame(
@@ -115,59 +156,37 @@ def evaluate_frame(
 
 
 def residual(
-    m: ModelArrays, b: BodyArrays, terms: tuple[TermArrays, ...], w: StepArrays, own: BodyWork,
-    timed: FloatArray
+    m: ModelArrays, eq: EquationArrays, w: StepArrays, timed: FloatArray
 ) -> None:
-    """Residual at the departure w.d, in w.r."""
+    """Residual at the departure w.d, in w.r: base + d + rotations, frames and terms."""
     motion(m, w)
-    evaluate(b, own, w.X, timed)
-    add_bodies(m, b, w, own)
-    add_terms(terms, w, timed, False, w.r)
-
-
-def add_bodies(m: ModelArrays, b: BodyArrays, w: StepArrays, own: BodyWork) -> None:
-    """Rows of all bodies after `evaluate`, in w.r: base + d, rows of the frames, and their forces
-    on the displacements (e first of k displacements of a body, g inertia matrices G_g)."""
     for i in range(len(w.r)):
         w.r[i] = w.base[i]
-    for i in range(m.atoms[0], m.atoms[1]):
+    for i in eq.identity:
         w.r[i] += w.d[i]
-    last = own.H.shape[1]
-    for i in range(len(b.k)):
-        e, k, g = b.e[i], b.k[i], b.g[i]
-        # rows of the frame, in the last column of H, to those of rigid coordinates and joint forces
-        for j in range(b.entries[i]):
-            w.r[b.columns[i, j]] += b.values[i, j] * own.H[i, b.rows[i, j], last]
-        # sum_g G_g (kappa_g u + mu_g u') + E sigma to the rows of displacements
-        r, turned = w.r[e : e + k], own.turned[i]
-        for f in range(g):
-            kappa, mu = own.coefficients[i, f], own.coefficients[i, g + f]
-            for j in range(k):
-                turned[f * k + j] = kappa * w.X[0, e + j] + mu * w.X[1, e + j]
-        add_product(b.G[i], turned, r, g * k, k)
-        for o in range(b.E.shape[1]):
-            sigma, E = own.sigma[i, last, o], b.E[i, o]
-            for j in range(k):
-                r[j] += sigma * E[j]
+    add_rotations(eq.prescribed, w.X, timed, w.r)
+    add_bodies(eq.stacks, w.X, timed, w.r)
+    add_terms(eq.iterated, w, timed, w.r)
 
 
 def solve(
-    m: ModelArrays, b: BodyArrays, terms: tuple[TermArrays, ...], w: StepArrays, own: BodyWork,
-    run: RunArrays, timed: FloatArray
+    m: ModelArrays, eq: EquationArrays, w: StepArrays, run: RunArrays, base: FloatArray,
+    timed: FloatArray, bound: float
 ) -> int:
     """Solves for the departure w.d with the kept Jacobian; returns the number of iterations, or
-    LEFT. Of blocks: w.relative, w.before: this change and the one before, relative to w.size;
-    w.absolute, w.earlier: the same in units of the unknowns. run.effort: least number of iterations
-    with this Jacobian, iterations beyond it, 1 if a new one is due."""
-    begin(m, terms, w, timed)
+    LEFT. bound: proved contraction (`StepEquations.contraction`). Of blocks: w.relative, w.before:
+    this change and the one before, relative to w.size; w.absolute, w.earlier: the same in units of
+    the unknowns. run.effort: least number of iterations with this Jacobian, iterations beyond it, 1
+    if a new one is due."""
+    begin(m, eq, w, base, timed)
     turns(m, w, run)
     least, last, stall = inf, inf, 0
     w.size[:], w.before[:], w.earlier[:] = 0.0, inf, inf
     reference_sizes(m, w, run)
     run.effort[2] = 1  # unless the step ends
     for iteration in range(1, m.max_iterations + 1):
-        residual(m, b, terms, w, own, timed)
-        if not solution(m, w, run) < inf:
+        residual(m, eq, w, timed)
+        if not solution(m, eq, w, run) < inf:
             return LEFT
         if relative_changes(m, w, run) > 1.0:  # first motion of a block that was zero so far
             motion(m, w)
@@ -182,6 +201,8 @@ def solve(
             rounded = rounded and (error <= m.remaining or small)
             change, remaining = max(change, w.relative[k]), max(remaining, error)
             w.before[k], w.earlier[k] = w.relative[k], w.absolute[k]
+        if bound < TRUSTED:
+            remaining = min(remaining, proved_error(m, w, bound))
         if remaining <= m.remaining or (rounded and change >= SLOW * last):
             run.remaining[0] = remaining
             run.effort[0] = min(run.effort[0], iteration)
@@ -219,23 +240,40 @@ def turned(m: ModelArrays, w: StepArrays, x: FloatArray, back: bool) -> None:
                 q[i] += (L[j, i] if back else L[i, j]) * before[j]
 
 
-def solution(m: ModelArrays, w: StepArrays, run: RunArrays) -> float:
-    """Change L J^-1 L^T w.r of the unknowns `solved`, in w.dx, which is subtracted from w.d;
-    returns the sum of its magnitudes."""
-    size = 0.0
+def solution(
+    m: ModelArrays, eq: EquationArrays, w: StepArrays, run: RunArrays
+) -> float:
+    """Change L J^-1 L^T w.r, in w.dx, which is subtracted from w.d; J is the identity but for the
+    unknowns `solved`. Returns the sum of its magnitudes."""
     turned(m, w, w.r, True)
-    for i in range(len(m.solved)):
-        w.own[i] = w.r[m.solved[i]]
-    for i in range(len(m.solved)):
-        row, total = run.inverse[i], 0.0
+    for i in range(len(w.r)):
+        w.dx[i] = w.r[i]
+    for i in range(len(eq.solved)):
+        w.own[i] = w.r[eq.solved[i]]
+    for i in range(len(eq.solved)):
+        first, last, total = run.spans[i, 0], run.spans[i, 1], 0.0
+        row, own = run.inverse[i][first:last], w.own[first:last]
         for j in range(len(row)):
-            total += row[j] * w.own[j]
-        w.dx[m.solved[i]] = total
+            total += row[j] * own[j]
+        w.dx[eq.solved[i]] = total
     turned(m, w, w.dx, False)
+    size = 0.0
     for i in range(len(w.dx)):
         w.d[i] -= w.dx[i]
         size += abs(w.dx[i])
     return size
+
+
+def proved_error(m: ModelArrays, w: StepArrays, bound: float) -> float:
+    """Bound |change| q / (1 - q) of the error after a change, relative to the size of each block,
+    for a proved contraction q."""
+    largest = 0.0
+    for k in range(len(m.judged)):
+        squared = 0.0
+        for i in range(m.starts[k], m.starts[k + 1]):
+            squared += w.dx[i] ** 2
+        largest = max(largest, sqrt(squared) / w.size[k])
+    return bound / (1.0 - bound) * largest
 
 
 def relative_changes(m: ModelArrays, w: StepArrays, run: RunArrays) -> float:

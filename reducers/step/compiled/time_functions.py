@@ -45,8 +45,8 @@ class Timed:
         return -1 if guide is None else self._added(guide.along, 3 * rigid)
 
     def table(self, table: TimeTable, columns: int) -> int:
-        """Number of the first column of a function of time with this many values."""
-        return self._added(lambda times: [table.along(times)], columns)
+        """Number of the first column of this many first values of a function of time."""
+        return self._added(lambda times: [table.along(times)[:, :columns]], columns)
 
     def along(self, times: FloatArray) -> FloatArray:
         """Values (T, width) at times (T,), s."""

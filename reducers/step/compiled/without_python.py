@@ -11,17 +11,14 @@ import numpy as np
 
 from sparsemor.core import FloatArray, IntArray
 from sparsemor.core.protocols.poses import LEFT
-from sparsemor.reducers.step.compiled.kernel import advance, predicted, solve_heat
-from sparsemor.reducers.step.compiled.local_terms import rows_of
+from sparsemor.reducers.step.compiled.kernel import advance, predicted, solve_all_heat
+from sparsemor.reducers.step.compiled.local_terms import LocalArrays, rows_of
 from sparsemor.reducers.step.compiled.model_arrays import (
-    BodyArrays,
-    BodyWork,
+    EquationArrays,
     HeatArrays,
     ModelArrays,
-    PrescribedArrays,
     RunArrays,
     StepArrays,
-    TermArrays,
 )
 from sparsemor.reducers.step.compiled.reduced_equations import begin, motion, residual
 from sparsemor.reducers.step.convergence_test import EPS
@@ -32,50 +29,54 @@ SMALL = 1e-6
 
 
 def take(
-    m: ModelArrays, heat: tuple[HeatArrays, ...], bodies: BodyArrays, terms: tuple[TermArrays, ...],
-    prescribed: tuple[PrescribedArrays, ...], w: StepArrays, own: BodyWork, run: RunArrays,
-    timed: FloatArray, base: FloatArray, ahead: FloatArray, states: FloatArray, effort: FloatArray,
-    J: FloatArray
+    m: ModelArrays, heat: tuple[HeatArrays, ...], eq: EquationArrays, w: StepArrays, run: RunArrays,
+    timed: FloatArray, base: FloatArray, bounds: FloatArray, ahead: FloatArray, states: FloatArray,
+    effort: FloatArray, J: FloatArray
 ) -> int:
     """Takes one step; returns 1, or 0 where it does not converge. J (s, s): working array; others:
     as in `kernel.advance`, with the functions of time (1, q) and the rows (1, n) that depend on
     these alone in `timed` and `base`. h.ready[0]: 1 where a thermal block has a Jacobian;
     run.effort[2]: 1 where the mechanics need a new one; run.ring[run.at[0]]: the last state."""
+    last = run.ring[run.at[0], : len(w.d)]
     for attempt in range(2):
         if attempt:  # from the last state, in case that the extrapolation led astray
             run.at[1] = min(run.at[1], 1)
             run.by_departure[:] = False
-        cold = False
-        for h in heat:
-            cold = cold or (len(h.inverse) > 0 and not h.ready[0])
-        if attempt or cold or run.effort[2]:
-            predicted(m, run, w, base[0])
-            for h in heat:
-                if len(h.inverse) and (attempt or not h.ready[0]):
-                    differences_of_heat(h, m, w, timed[0], run.ring[run.at[0], : len(w.d)])
-                    h.ready[0] = 1
-                solve_heat(h, m, w, timed[0], base[0], run.ring[run.at[0], : len(w.d)])
-            if len(bodies.k) and (attempt or run.effort[2]):
-                differences(m, bodies, terms, w, own, run, timed[0], J)
+        if attempt or run.effort[2] or lacks_jacobian(heat):
+            predicted(m, run, w)
+            if len(heat) > 0:
+                for h in heat:
+                    if len(h.inverse) and (attempt or not h.ready[0]):
+                        differences_of_heat(h, h.local, m, w, timed[0], last)
+                        h.ready[0] = 1
+            solve_all_heat(m, heat, w, timed[0], base[0], last)
+            if eq.moves and (attempt or run.effort[2]):
+                differences(m, eq, w, run, base[0], timed[0], J)
             run.effort[2] = 0
-        ahead[:] = 0.0
-        if advance(m, heat, bodies, terms, prescribed, w, own, run, timed, base, ahead, states,
-                   effort):
+        if advance(m, heat, eq, w, run, timed, base, bounds, ahead, states, effort):
             return 1
     return 0
 
 
+def lacks_jacobian(heat: tuple[HeatArrays, ...]) -> bool:
+    """True if a thermal block with local terms has no Jacobian."""
+    if len(heat) > 0:
+        for h in heat:
+            if len(h.inverse) and not h.ready[0]:
+                return True
+    return False
+
+
 def differences(
-    m: ModelArrays, b: BodyArrays, terms: tuple[TermArrays, ...], w: StepArrays, own: BodyWork,
-    run: RunArrays, timed: FloatArray, J: FloatArray
+    m: ModelArrays, eq: EquationArrays, w: StepArrays, run: RunArrays, base: FloatArray,
+    timed: FloatArray, J: FloatArray
 ) -> None:
     """The inverse Jacobian of the mechanical equations at the guess of a step, with what rounding
-    changes, in `run`."""
-    s = len(m.solved)
-    for j in range(m.first[0], m.first[1]):
-        w.base[j] = -w.d[j]
+    changes, in `run`. base (n,): rows that depend on time alone; what the temperatures add to these
+    is the same in all differences."""
     motion(m, w)
-    begin(m, terms, w, timed)
+    begin(m, eq, w, base, timed)
+    s = len(eq.solved)
     for k in range(len(m.starts) - 1):
         top = run.top[k]
         for j in range(m.starts[k], m.starts[k + 1]):
@@ -84,22 +85,22 @@ def differences(
         for j in range(m.starts[k], m.starts[k + 1]):
             w.guess[j] = small * top if top > 0.0 else small
     for c in range(s):
-        j = m.solved[c]
+        j = eq.solved[c]
         d, e = w.d[j], w.guess[j]
         w.d[j] = d + e
-        residual(m, b, terms, w, own, timed)
+        residual(m, eq, w, timed)
         for i in range(s):
-            J[i, c] = w.r[m.solved[i]]
+            J[i, c] = w.r[eq.solved[i]]
         w.d[j] = d - e
-        residual(m, b, terms, w, own, timed)
+        residual(m, eq, w, timed)
         for i in range(s):
-            J[i, c] = (J[i, c] - w.r[m.solved[i]]) / (2.0 * e)
+            J[i, c] = (J[i, c] - w.r[eq.solved[i]]) / (2.0 * e)
         w.d[j] = d
     motion(m, w)
     for i in range(s):  # signs as in a vector of random ones
         total = 0.0
         for c in range(s):
-            total += abs(J[i, c]) * abs(w.X[0, m.solved[c]])
+            total += abs(J[i, c]) * abs(w.X[0, eq.solved[c]])
         w.own[i] = EPS * total * (1.0 if (i * 2654435761) % 4294967296 < 2147483648 else -1.0)
     inverted(J, run.inverse)
     for k in range(len(m.starts) - 1):
@@ -108,7 +109,7 @@ def differences(
         total, k = 0.0, 0
         for c in range(s):
             total += run.inverse[i, c] * w.own[c]
-        while m.starts[k + 1] <= m.solved[i]:
+        while m.starts[k + 1] <= eq.solved[i]:
             k += 1
         run.noise[k] = max(run.noise[k], abs(total))
     for k in range(len(m.quaternions)):
@@ -117,11 +118,14 @@ def differences(
 
 
 def differences_of_heat(
-    h: HeatArrays, m: ModelArrays, w: StepArrays, timed: FloatArray, last: FloatArray
+    h: HeatArrays, local: tuple[LocalArrays, ...], m: ModelArrays, w: StepArrays, timed: FloatArray,
+    last: FloatArray
 ) -> None:
-    """The inverse Jacobian of a thermal block with local terms at the guess of a step, in
+    """The inverse Jacobian of a thermal block with `local` terms at the guess of a step, in
     h.inverse: of 1 + the derivative of the terms by T, with dT' = c1 dT and dT'' = c2 dT. last
     (n,): unknowns of the last step."""
+    if len(local) == 0:
+        return
     x, v = w.X[0][h.at], w.X[1][h.at]
     k, top = len(x), 0.0
     bend = (2.0 / m.h**2) * ((last[h.at] - x) + m.h * v) if m.c2_first != 0.0 else np.zeros(k)
@@ -131,8 +135,8 @@ def differences_of_heat(
     for c in range(k):
         d = np.zeros(k)
         d[c] = e
-        up = rows_of(h.local, timed, x + d, v + m.c1_first * d, bend + m.c2_first * d)
-        down = rows_of(h.local, timed, x - d, v - m.c1_first * d, bend - m.c2_first * d)
+        up = rows_of(local[0], timed, x + d, v + m.c1_first * d, bend + m.c2_first * d)
+        down = rows_of(local[0], timed, x - d, v - m.c1_first * d, bend - m.c2_first * d)
         for i in range(k):
             J[i, c] = (up[i] - down[i]) / (2.0 * e) + (1.0 if i == c else 0.0)
     inverted(J, h.inverse)

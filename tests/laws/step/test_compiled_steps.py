@@ -250,12 +250,9 @@ def hot(reducer: str, clamped: bool) -> Case:
 def test_terms_that_depend_on_the_unknowns(reducer: str, clamped: bool) -> None:
     case = hot(reducer, clamped)
     made = plan(case.solver())
-    assert len(made.functions.laws) == 6 and len(made.heat[0].local.terms) == 4
-    if clamped:
-        (body,) = made.prescribed
-        assert len(body.of_temperature.terms) == len(body.local.terms) == 1
-    else:
-        assert sorted(t.known for t in made.terms) == [False, True]
+    assert len(made.functions.laws) == 6 and len(made.heat[0].local[0].terms) == 4
+    assert len(made.arrays.known) == len(made.arrays.iterated) == 1
+    assert clamped == bool(made.arrays.prescribed) != bool(made.arrays.stacks)
     law(case, 30)
 
 
@@ -269,8 +266,8 @@ def test_nonlinear_strains(frame: str) -> None:
         "bodies.bar.reference": {"clamp": "left"}, **rest}),
         {"use": "galerkin", "basis": {"use": "pod", "count": 6}})
     made = plan(case.solver())
-    (body,) = made.terms if frame == "floating" else made.prescribed
-    assert len(body.local.terms) == len(made.functions.laws) == 1
+    (term,) = made.arrays.iterated
+    assert len(term.local.terms) == len(made.functions.laws) == 1
     law(case, 20)
 
 
@@ -290,7 +287,7 @@ def test_a_bar_in_space_whose_rotation_is_given(E: float, spin: float, basis: An
     s = bar(E, use="galerkin", basis=basis).using({"time.end": 0.03})
     case = Case(s, turning(s, spin, 4, steps=30), {})
     made = plan(case.solver())
-    assert made.prescribed and not len(made.bodies.k)
+    assert made.arrays.prescribed and not made.arrays.stacks
     law(case, 28)
 
 

@@ -78,11 +78,11 @@ def test_the_steps_of_a_file_are_compiled_and_check_every_index(
         x, y = first.block(block), again.block(block)
         assert np.abs(x - y).max() < 1e-10 * max(float(np.abs(x).max()), 1e-3), block
     own = CompiledStepper.many
-    for array in ("columns", "e", "rows"):
+    for array in ("columns", "bodies", "rows"):
         def outside(self: CompiledStepper, *given: Any, array: str = array) -> Any:
             many = own(self, *given)
             assert isinstance(many, CompiledSteps)
-            getattr(many.plan.bodies, array)[:] = 10**9
+            getattr(many.plan.arrays.stacks[0], array)[:] = 10**9
             return many
 
         monkeypatch.setattr(CompiledStepper, "many", outside)
