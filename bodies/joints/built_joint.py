@@ -144,7 +144,9 @@ def write_reactions(
     """Adds prescribed forces on sides and, with `turns`, moments to their elastic rows; nothing for
     a side without displacements. reactions: for each side `size` columns, force (d), N, and moment
     (1 or 3), N m, in space axes, with the sign of multipliers (left-hand side). displacement,
-    turning (n, d): functionals of the mean displacement and rotation, None for none."""
+    turning (n, d): functionals of the mean displacement and rotation, in whose columns force and
+    moment act, in this order (in the plane the second column of `turning` is empty); every flexible
+    side has the first. Without the second, `Reaction(.., False)` reads the force columns alone."""
     for number, side in enumerate(sides):
         if not side.flexible or side.body is None:
             continue

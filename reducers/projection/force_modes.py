@@ -45,8 +45,9 @@ Numbers = dict[str, float | int | str]
 
 
 def force_snapshots(block: Reducible) -> tuple[FloatArray, float]:
-    """Forces (n, M) of a block in the training run, and an upper bound of the singular values that
-    round-off causes in them: forces are small differences of large terms."""
+    """Forces M a + D v + K x (n, M) of a block in the training run, which its loads and nonlinear
+    terms balance, and an upper bound of the singular values that round-off causes in them, since
+    they are small differences of large terms: those of operator |x|, operator = K + c1 D + c2 M."""
     taken = recording(block)
     # taken.runs: number of training runs, with equally many snapshots (n, M / runs) each
     runs = np.split(

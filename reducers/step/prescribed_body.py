@@ -108,8 +108,11 @@ class PrescribedBody:
     def begin(self, step: StepFormula, d: FloatArray, r: FloatArray) -> None:
         """Takes over the constants of a step; adds the terms of time alone, and the rotation at the
         first guess d (n,) of the departure, to r. The rotation is sum_g G_g (kappa_g u + mu_g u'),
-        with u = free + d and u' = free_rate + c1 d; turning: range of the g with nonzero factors.
-        weights (g,) = kappa + c1 mu: factors of G_g in the derivative by d."""
+        with u = free + d and u' = free_rate + c1 d: inertia forces due to the frame's motion; d is
+        the departure of the unknowns from those without forces in this step. acting: range of the g
+        whose factors are nonzero at any time; turning: the same, or empty in a step at rest.
+        guess: this d, from which `residual` later takes its change (unused at rest). weights (g,) =
+        kappa + c1 mu: factors of G_g in the derivative by d."""
         g, at, table = len(self.G), self.at, self.table.at(step.t)  # [kappa, mu, base]
         r[self.rows] += table[2 * g :]
         factors, some = table[: 2 * g].reshape(2, g), self.acting
