@@ -18,7 +18,7 @@ from typing import Any
 from sparsemor import load, simulate
 from sparsemor.core.errors import InputError
 from sparsemor.core.model.assembly import BodyCache
-from sparsemor.core.results.error_norms import LIMIT
+from sparsemor.core.results.relative_error_estimates import LIMIT
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.scene import Scene
 from sparsemor.core.simulation.cache import Cache

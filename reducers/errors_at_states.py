@@ -14,7 +14,7 @@ from sparsemor.core import (
     StepFactors,
 )
 from sparsemor.core.model.expected_states import expected_states
-from sparsemor.core.results.error_norms import CONSTANT_CHANGE
+from sparsemor.core.results.relative_error_estimates import CONSTANT_CHANGE
 
 LIMIT = 0.01
 """Largest relative error at known states without a note."""

@@ -14,7 +14,7 @@ from sparsemor.core.model.model import Model
 from sparsemor.core.notes import Note, information
 from sparsemor.core.protocols.basis import Dictionary
 from sparsemor.core.results.checkpoint import Checkpoint, load_checkpoint
-from sparsemor.core.results.error_norms import LIMIT
+from sparsemor.core.results.relative_error_estimates import LIMIT
 from sparsemor.core.results.run_result import RunResult, open_result
 from sparsemor.core.scene.scene import Scene
 

@@ -16,9 +16,9 @@ from sparsemor.core.protocols.body import BodyShape
 from sparsemor.core.protocols.integrator import State
 from sparsemor.core.protocols.reducer import ErrorEstimator, ErrorLimit
 from sparsemor.core.protocols.step_solver import StepMemory, StepSolver
-from sparsemor.core.results.error_norms import constant_change
 from sparsemor.core.results.metadata import RunHeader
 from sparsemor.core.results.probes import ForceReader, ProbeReader
+from sparsemor.core.results.relative_error_estimates import constant_change
 from sparsemor.core.scene.default_plugins import FULL_ORDER
 from sparsemor.core.scene.digest import digest
 from sparsemor.core.scene.run_identity import physics_of

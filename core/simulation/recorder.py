@@ -22,7 +22,6 @@ from sparsemor.core.protocols.step_solver import StepMemory, StepSolver, resulta
 from sparsemor.core.protocols.time_function import HeldValues, held_values, holding
 from sparsemor.core.results.arrays_in_memory import MemoryWriter
 from sparsemor.core.results.checkpoint import Checkpoint, SavedError, checkpoint_file
-from sparsemor.core.results.error_norms import estimated_errors
 from sparsemor.core.results.files.replaceable_files import STORE
 from sparsemor.core.results.files.temporary_folders import TemporaryFolder
 from sparsemor.core.results.json_data import finite
@@ -30,6 +29,7 @@ from sparsemor.core.results.linear_solver_cost import solvers_summary
 from sparsemor.core.results.output_directory import OutputDirectory
 from sparsemor.core.results.output_lock import check_owned
 from sparsemor.core.results.probes import ForceReader, ProbeReader, rate_columns
+from sparsemor.core.results.relative_error_estimates import estimated_errors
 from sparsemor.core.results.result_writer import ChunkOfSteps, ResultWriter, resumable
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.results.stored_arrays import read_header

@@ -13,7 +13,7 @@ from sparsemor.core.errors import InputError
 from sparsemor.core.model.assembly import BodyCache
 from sparsemor.core.notes import Note
 from sparsemor.core.registry.hooks import Manager
-from sparsemor.core.results.error_norms import CONSTANT_CHANGE
+from sparsemor.core.results.relative_error_estimates import CONSTANT_CHANGE
 from sparsemor.core.scene.digest import digest
 from sparsemor.core.scene.parameters_and_training_points import Point, values_at
 from sparsemor.core.scene.run_identity import Identity, physics_of

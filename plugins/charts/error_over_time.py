@@ -7,7 +7,7 @@ import numpy as np
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.protocols.layout import FieldKind
-from sparsemor.core.results.error_norms import LIMIT
+from sparsemor.core.results.relative_error_estimates import LIMIT
 from sparsemor.core.status import Status
 from sparsemor.plugins.charts.style import (
     LIMIT_COLOUR,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sparsemor.core.protocols.layout import FieldKind, Quantity
-from sparsemor.core.results.error_norms import LIMIT
+from sparsemor.core.results.relative_error_estimates import LIMIT
 from sparsemor.core.status import Status
 from sparsemor.plugins.charts.style import (
     COLUMN,

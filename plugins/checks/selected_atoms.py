@@ -27,7 +27,7 @@ from sparsemor.core import (
 )
 from sparsemor.core.model.equations import system_residual
 from sparsemor.core.model.factorizations import solve_or_fail
-from sparsemor.core.results.error_norms import CONSTANT_CHANGE
+from sparsemor.core.results.relative_error_estimates import CONSTANT_CHANGE
 from sparsemor.plugins.checks import place
 
 SELECTED, SAMPLED_ROWS = "selected_atoms", "sampled_rows"

@@ -24,7 +24,7 @@ from sparsemor.core import (
     information,
 )
 from sparsemor.core.protocols.integrator import with_history
-from sparsemor.core.results.error_norms import CONSTANT_CHANGE
+from sparsemor.core.results.relative_error_estimates import CONSTANT_CHANGE
 from sparsemor.plugins.checks import place
 
 TIME_ERROR = "time_error"

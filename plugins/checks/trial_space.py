@@ -35,7 +35,7 @@ from sparsemor.core import (
 from sparsemor.core.linalg.dense import orthonormal
 from sparsemor.core.linalg.snapshots import column_chunks
 from sparsemor.core.model.expected_states import expected_states
-from sparsemor.core.results.error_norms import CONSTANT_CHANGE, estimated_errors
+from sparsemor.core.results.relative_error_estimates import CONSTANT_CHANGE, estimated_errors
 from sparsemor.plugins.checks import place
 
 TRIAL_SPACE, BEYOND = "trial_space", "beyond_training"

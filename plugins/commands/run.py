@@ -8,8 +8,8 @@ import typer
 
 from sparsemor.core.cli.exit_codes import print_json
 from sparsemor.core.errors import InputError
-from sparsemor.core.results.error_norms import LIMIT
 from sparsemor.core.results.model_file import is_model_file
+from sparsemor.core.results.relative_error_estimates import LIMIT
 from sparsemor.core.scene.overrides import parse_settings
 from sparsemor.plugins.command_line.folded_notes import folded
 from sparsemor.plugins.command_line.options import (

@@ -9,10 +9,10 @@ from typing import Any, Protocol
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.errors import InputError
 from sparsemor.core.registry.registry import Registry
-from sparsemor.core.results.error_norms import LIMIT
 from sparsemor.core.results.json_data import to_json
 from sparsemor.core.results.output_directory import COMPARISON
 from sparsemor.core.results.presentation import CHARTS, Drawn
+from sparsemor.core.results.relative_error_estimates import LIMIT
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.html import html_table
 from sparsemor.plugins.comparison.cost import (

@@ -20,7 +20,7 @@ from sparsemor.core.protocols.layout import Block, FieldKind, Quantity
 from sparsemor.core.protocols.poses import KNOWN as POSE_SIZES
 from sparsemor.core.protocols.poses import angle_between
 from sparsemor.core.registry.registry import Registry
-from sparsemor.core.results.error_norms import (
+from sparsemor.core.results.relative_error_estimates import (
     CONSTANT_CHANGE,
     LIMIT,
     constant_change,

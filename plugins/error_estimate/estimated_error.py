@@ -3,7 +3,7 @@
 import numpy as np
 
 from sparsemor.core import Check, Findings, Note, PreparedRun, RunResult
-from sparsemor.core.results.error_norms import estimated_errors
+from sparsemor.core.results.relative_error_estimates import estimated_errors
 from sparsemor.plugins.checks import place
 
 

@@ -13,7 +13,7 @@ from pydantic import Field
 
 from sparsemor.core.arrays import FloatArray
 from sparsemor.core.model.facets import linear_surface, plane_triangles
-from sparsemor.core.results.error_norms import LIMIT
+from sparsemor.core.results.relative_error_estimates import LIMIT
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.plugins import charts
 from sparsemor.plugins.charts.planar_fields import drawable_bodies

@@ -11,7 +11,7 @@ import numpy as np
 
 from sparsemor.core.errors import InputError, check_count
 from sparsemor.core.model.assembly import BodyCache
-from sparsemor.core.results.error_norms import LIMIT
+from sparsemor.core.results.relative_error_estimates import LIMIT
 from sparsemor.core.results.run_result import RunResult
 from sparsemor.core.scene.default_plugins import FULL_ORDER
 from sparsemor.core.scene.html import html_text

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sparsemor.core.results.error_norms import LIMIT
+from sparsemor.core.results.relative_error_estimates import LIMIT
 from sparsemor.core.scene.html import html_text
 from sparsemor.core.status import Status
 from sparsemor.plugins.comparison.error_norms import measure_names

@@ -18,7 +18,7 @@ from sparsemor.core.linalg.snapshots import column_chunks
 from sparsemor.core.model.initial_state import resolved_start
 from sparsemor.core.model.model import Model
 from sparsemor.core.protocols.reducer import TrialRun
-from sparsemor.core.results.error_norms import CONSTANT_CHANGE
+from sparsemor.core.results.relative_error_estimates import CONSTANT_CHANGE
 from sparsemor.core.simulation.time_stepping import FixedStep, started
 
 LEAST = 1e-6

@@ -14,9 +14,10 @@ MODULES = {f"sparsemor.core.{name}" for name in (
     "protocols.reducer", "protocols.separable", "protocols.sparse_solver",
     "protocols.step_amplitude", "protocols.step_solver", "protocols.term",
     "protocols.time_function",
-    "registry.returned_values", "results.error_norms", "scene.expressions", "scene.option_tree",
-    "simulation.cache", "simulation.memory.estimate", "simulation.memory.limits",
-    "simulation.time_stepping")} | {"sparsemor.plugins.comparison.error_norms"}
+    "registry.returned_values", "results.relative_error_estimates", "scene.expressions",
+    "scene.option_tree", "simulation.cache", "simulation.memory.estimate",
+    "simulation.memory.limits", "simulation.time_stepping")} | {
+        "sparsemor.plugins.comparison.error_norms"}
 """Modules for some plugins, which docs/reference/modules.md lists."""
 PUBLIC = {"sparsemor", "sparsemor.bodies", "sparsemor.core", "sparsemor.core.testing",
           "sparsemor.reducers", *MODULES}

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from sparsemor.bodies.terms.field_kinds import BODY_KINDS
-from sparsemor.core.results.error_norms import LIMIT
+from sparsemor.core.results.relative_error_estimates import LIMIT
 from sparsemor.core.status import Status
 from sparsemor.plugins.charts.error_over_time import error_over_time_figure
 from sparsemor.plugins.charts.work_precision import WorkPoint, work_precision_figure

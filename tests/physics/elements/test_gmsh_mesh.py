@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from typer.testing import CliRunner
 
 from sparsemor.bodies.fem.integrals import scalar_mass
-from sparsemor.bodies.mesh.gmsh_mesh import FaceRule, GmshMesh
+from sparsemor.bodies.mesh.cad_geometry_by_gmsh import FaceRule, GmshMesh
 from sparsemor.bodies.mesh.mesh_file import MeshFile
 from sparsemor.bodies.mesh.set_centres import centre_of_set
 from sparsemor.core.cli import app
@@ -135,7 +135,7 @@ def test_faces_of_an_iges_file_are_sewn(tmp_path: Path) -> None:
     """In metres, in a process that has read no STEP file before."""
     volume = plate(tmp_path)
     code = ("from pathlib import Path\nfrom sparsemor.bodies.fem.integrals import scalar_mass\n"
-            "from sparsemor.bodies.mesh.gmsh_mesh import GmshMesh\n"
+            "from sparsemor.bodies.mesh.cad_geometry_by_gmsh import GmshMesh\n"
             f"m = GmshMesh(geometry='plate.igs', size=0.008).build(Path({str(tmp_path)!r}))\n"
             "print(m.dimension, scalar_mass(m, 1.0).sum())")
     found = run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
