@@ -78,10 +78,11 @@ def fits(value: object, hint: Any, exact: bool = True) -> bool:
         return isinstance(value, kind) and all([fits(v, inner[0], exact) for v in value])
     if hint is None or hint is types.NoneType:
         return value is None
+    hint = of or hint
     if is_protocol(hint):
         return _has_members(type(value), hint) or all(  # type: ignore[arg-type]
             [hasattr(value, name) for name in get_protocol_members(hint)])
-    return isinstance(value, of or hint)
+    return isinstance(value, hint)
 
 
 @cache

@@ -13,6 +13,7 @@ from contract_base import with_base
 from sparsemor.core import Plugin
 from sparsemor.core.cli import app
 from sparsemor.core.errors import InputError
+from sparsemor.core.protocols.step_solver import ManySteps
 from sparsemor.core.registry.contracts import CONTRACTS, breaches
 from sparsemor.core.registry.registry import Registry
 from sparsemor.core.registry.value_types import fits, quick_test, required_type
@@ -280,3 +281,9 @@ def test_a_named_type_is_what_it_stands_for() -> None:
         assert fits(np.ones(2), hint) and quick_test(hint)(np.ones(2))
         assert not fits(np.ones(2, dtype=int), hint) and not fits("text", hint)
         assert required_type(hint).startswith("an array of finite numbers")
+
+
+def test_a_protocol_of_a_type_is_fitted_by_what_has_its_members() -> None:
+    steps = SimpleNamespace(advance=lambda *_: None)
+    for hint in (ManySteps[Any], ManySteps[Any] | None):
+        assert fits(steps, hint) and not fits("text", hint)
