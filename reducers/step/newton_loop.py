@@ -67,6 +67,8 @@ WANDERING = 1e-2
 """Relative change above which an iteration that takes long counts as lost."""
 SLOW = 0.5
 """Ratio of consecutive changes from which the Jacobian is renewed at once."""
+DOUBTFUL = 1e-12
+"""First relative change with a new Jacobian up to which it is compared with round-off."""
 UNKNOWN = 10**6
 
 
@@ -360,7 +362,9 @@ class _StepIteration:
         if point is not None and len(quaternions := self.loop.attitudes):
             self.L = turns((self.step.free + at.d)[quaternions], point.x[quaternions])
         self._counted_change(at)
-        if at.change <= self.kept.floor and not at.fresh:
+        # with a new Jacobian, whose effects of rounding cost as much as an iteration, only where
+        # the change is so small that they may save one
+        if at.change <= (DOUBTFUL if at.fresh else self.kept.floor):
             self._drop_rounding(at)
         while True:
             if at.change == inf:

@@ -23,8 +23,6 @@ TEXTS = {
     ("model/assembly.py", "group.removesuffix('s')"),  # keys of a scene and kinds of plugins
     ("results/output_directory.py", "path.name.startswith(_SCRATCH)"),
     ("results/run_result.py", "n.removeprefix('probe.')"),  # an array of a probe
-    ("results/tables.py", "'\\r' in cell"),
-    ("results/tables.py", "text.endswith(MARK)"), ("results/tables.py", "t.endswith(MARK)"),
     ("simulation/offline.py", "phase.removesuffix(' run')"),
     ("simulation/workers/local_pool.py", "line.endswith('\\n')"),
 }
