@@ -18,8 +18,9 @@ from sparsemor.core.model.initial_state import AGAIN, BENT
 from sparsemor.core.protocols.body_frame import FrameWork
 from sparsemor.core.protocols.time_function import time_derivatives
 from sparsemor.reducers.linalg.least_norm import least
+from sparsemor.reducers.step.border_matrix import BorderMatrix
 from sparsemor.reducers.step.frame_step import NONE, BodyStep, buffers
-from sparsemor.reducers.step.jacobian_factors import summed
+from sparsemor.reducers.step.jacobian_factors import MANY
 from sparsemor.reducers.step.projected_operators import ProjectedElastic
 from sparsemor.reducers.step.reduced_mechanics import Mechanics
 from sparsemor.reducers.step.time_tables import plus_loads
@@ -91,10 +92,11 @@ def _accelerations(
     maps = [body.to_border for body in mechanics.bodies]
     # elastic accelerations eliminated (Schur complement): B z + r = target accelerations
     r = sum(T.T @ (p.rows - p.tau @ p.base) for T, p in zip(maps, parts, strict=True))
-    used = [np.flatnonzero(T.any(axis=0)) for T in maps]
-    B = summed(mechanics.size, ((at, T[:, at].T @ (p.H - p.tau @ p.S) @ T[:, at])
-                                for at, T, p in zip(used, maps, parts, strict=True)))
-    z = -least(B, r - _target_accelerations(mechanics, state.t))
+    border = BorderMatrix(maps)
+    B = border.matrix(border.assembled(np.concatenate([
+        (p.H - p.tau @ p.S).ravel() for p in parts])))
+    z = -least(B if mechanics.size >= MANY else B.toarray(),
+               r - _target_accelerations(mechanics, state.t))
     multipliers = np.concatenate([np.zeros(nr), z[nr:]])
     nonlinear = any(_is_nonlinear(mechanics, body, t, state, p, multipliers)
                     for body, t, p in zip(mechanics.bodies, operators, parts, strict=True))

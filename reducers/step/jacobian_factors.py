@@ -1,15 +1,14 @@
 """LU factorizations of Jacobians: of reduced models with scaled rows and columns, and of full-order
 ones by SuperLU."""
 
-from collections.abc import Iterable
 from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 from scipy.linalg import lapack
-from scipy.sparse import coo_array, csc_array, issparse
+from scipy.sparse import csc_array, issparse
 from scipy.sparse.linalg import splu
 
-from sparsemor.core import Csr, FloatArray, IntArray
+from sparsemor.core import Csr, FloatArray
 
 Matrix: TypeAlias = FloatArray | Csr
 
@@ -23,23 +22,6 @@ class Factor(Protocol):
 MANY, FILLED = 300, 0.1
 """Number of unknowns, and largest share of entries that are not zero, from which and up to which a
 Jacobian is factorized as a sparse one: that of a chain of many bodies."""
-
-
-def summed(n: int, parts: Iterable[tuple[IntArray, FloatArray]]) -> Matrix:
-    """Matrix (n, n) with the entries (m, m) of each part added in its rows and columns (m,); sparse
-    from MANY unknowns on."""
-    if n < MANY:
-        A = np.zeros((n, n))
-        for at, entries in parts:
-            A[np.ix_(at, at)] += entries
-        return A
-    rows, columns, values = [], [], []
-    for at, entries in parts:
-        rows.append(np.repeat(at, len(at)))
-        columns.append(np.tile(at, len(at)))
-        values.append(entries.ravel())
-    return csc_array(coo_array((np.concatenate(values), (
-        np.concatenate(rows), np.concatenate(columns))), shape=(n, n)))
 
 
 def factorized(J: Matrix) -> Factor:

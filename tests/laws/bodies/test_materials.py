@@ -10,7 +10,13 @@ from sparsemor import simulate
 from sparsemor.bodies import Isotropic
 from sparsemor.bodies.carbon_steel import CarbonSteel
 from sparsemor.bodies.temperature_curve import TemperatureCurve
-from sparsemor.core import InputError, Material, MaterialProperties
+from sparsemor.core import (
+    FloatArray,
+    InputError,
+    Material,
+    MaterialProperties,
+    TemperatureProperty,
+)
 from sparsemor.core.model.assembly import assemble
 from sparsemor.core.testing import check_material
 from sparsemor.core.testing.in_memory_run import scene_of
@@ -137,6 +143,20 @@ def test_curves_are_equal_by_their_options_also_once_evaluated() -> None:
         curve.integral(np.array([350.0]))
     assert one == same and hash(one) == hash(same) and one != other
     assert Isotropic(k=one, c=one, rho=1.0) == Isotropic(k=same, c=same, rho=1.0)
+
+
+def test_a_property_without_an_integral_of_its_own_has_one() -> None:
+    curve = TemperatureCurve(polynomial=(400.0, 2.0, 0.01), origin=273.15, range=(250.0, 400.0))
+
+    class Law(TemperatureProperty):
+        """Somebody else's property with the least that one must have."""
+        limits, degree = curve.limits, curve.degree
+
+        def at(self, T: FloatArray) -> tuple[FloatArray, FloatArray]:
+            return curve.at(T)
+
+    T = np.array([[200.0, 250.0, 300.0], [350.0, 400.0, 450.0]])  # also beyond its limits
+    np.testing.assert_allclose(Law().integral(T), curve.integral(T), rtol=1e-13)
 
 
 @pytest.mark.full
